@@ -1,0 +1,39 @@
+// Projects welded facet vertices onto one face of the hemicube (or cubic tetrahedron) of each instance.
+// Reads: frames [layers]. One invocation: one facet corner of one hemicube.
+// With LAYERED the instance chooses the array layer; without it each layer is drawn in a pass of its own.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#ifdef LAYERED
+#extension GL_ARB_shader_viewport_layer_array : require
+#endif
+#include "shared/interface.h"
+
+layout(push_constant) uniform Push { ItemPush push; };
+layout(std430, set = 0, binding = kBindingFrames) readonly buffer Frames { HemicubeFrame frames[]; };
+
+layout(location = 0) in vec3 position;  // [unit coordinates]
+layout(location = 1) in uint corner;    // 4 * facet + corner number
+
+layout(location = 0) out vec2 uv;
+layout(location = 1) flat out uint facet;
+
+invariant gl_Position;  // shared vertices land on the same pixel: no cracks
+
+void main() {
+  const HemicubeFrame frame = frames[push.layer + gl_InstanceIndex];
+  const vec3 d = position - frame.origin.xyz;
+  vec3 p = vec3(dot(frame.axisX.xyz, d), dot(frame.axisY.xyz, d), dot(frame.axisN.xyz, d));
+  // Points of the patch's own plane sit a rounding error above or below it: put them exactly on it, so
+  // that coplanar facets are seen edge-on and cover nothing.
+  if (abs(p.z) < push.shift.z) p.z = 0.0;
+  const float depth = dot(push.forward.xyz, p);
+  gl_Position = vec4(dot(push.right.xyz, p) * push.right.w + push.shift.x * depth,
+                     dot(push.up.xyz, p) * push.up.w + push.shift.y * depth,
+                     push.forward.w, depth);  // reversed z: near / depth, infinite far plane
+  const uint k = corner & 3u;
+  facet = corner >> 2;
+  uv = vec2(k == 1u || k == 2u ? 1.0 : 0.0, k >= 2u ? 1.0 : 0.0);  // a triangle has corners 0, 1, 3
+#ifdef LAYERED
+  gl_Layer = int(gl_InstanceIndex);
+#endif
+}

@@ -1,0 +1,88 @@
+// What C++ and GLSL share: structs, binding numbers, workgroup sizes. Compiled by both.
+#ifndef FAROL_INTERFACE_H
+#define FAROL_INTERFACE_H
+
+#ifdef __cplusplus
+#include <array>
+#include <cstdint>
+namespace farol::shader {
+using uint = uint32_t;
+struct vec4 {
+  float x = 0, y = 0, z = 0, w = 0;
+};
+#define FAROL_CONST inline constexpr uint32_t
+#else
+#define FAROL_CONST const uint
+#endif
+
+// Bindings of the item-buffer pipelines (hemicube and view), set 0.
+FAROL_CONST kBindingFacets = 0;    // FacetRecord [facets]
+FAROL_CONST kBindingCellMap = 1;   // uint [cells], cell -> patch
+FAROL_CONST kBindingFrames = 2;    // HemicubeFrame [layers]
+FAROL_CONST kItemBindingCount = 3;
+
+// Bindings of the reduction, set 0.
+FAROL_CONST kBindingItems = 0;         // uint [layers x pixels], patch or bin seen by each pixel
+FAROL_CONST kBindingDeltaFactors = 1;  // uint [pixels], delta form factors that sum to 2^32 - 1
+FAROL_CONST kBindingRows = 2;          // uint [layers x bins], sums per patch or bin
+FAROL_CONST kReduceBindingCount = 3;
+
+FAROL_CONST kReduceGroupSize = 64;      // lanes per workgroup
+FAROL_CONST kReducePixelsPerLane = 16;  // consecutive pixels that one lane walks as runs
+
+FAROL_CONST kNoCell = 0xFFFFFFFFu;  // FacetRecord::backCell of a facet whose back is black
+FAROL_CONST kBackBit = 0x80000000u;  // set in the view's facet ids where a back side is seen
+
+// A facet as the fragment shader needs it (16 bytes).
+struct FacetRecord {
+  uint frontCell;  // first cell of the front side in the cell map
+  uint backCell;   // first cell of the back side, or kNoCell
+  uint nu;         // cells along u; a triangle's rows
+  uint nv;         // cells along v; 0 marks a triangle
+};
+
+// Where a hemicube stands (64 bytes): a right-handed frame, axisN the patch normal. xyz used, w is padding.
+struct HemicubeFrame {
+  vec4 origin;  // [unit coordinates]
+  vec4 axisX;
+  vec4 axisY;
+  vec4 axisN;
+};
+
+// One face of the hemicube or tetrahedron, in the frame's own axes (80 bytes, push constants).
+// clip.x = right . p * right.w + shift.x * depth, clip.y likewise with up, depth = forward . p.
+struct ItemPush {
+  vec4 right;    // w: horizontal scale
+  vec4 up;       // w: vertical scale
+  vec4 forward;  // w: near distance [unit coordinates]
+  vec4 shift;    // x, y: shifts; z: heights below this are 0; w unused
+  uint layer;    // frame of instance 0
+  uint backBin;  // written where a black back is seen
+  uint pad0;
+  uint pad1;
+};
+
+// The camera (80 bytes, push constants): rows that map a point relative to the origin to clip coordinates.
+struct ViewPush {
+  vec4 origin;  // [unit coordinates]
+  vec4 rowX;
+  vec4 rowY;
+  vec4 rowZ;
+  vec4 rowW;
+};
+
+// Push constants of the reduction (16 bytes).
+struct ReducePush {
+  uint pixels;  // per layer, a multiple of 4
+  uint bins;    // per layer: patches, then one for nothing seen, one for black backs
+  uint pad0;
+  uint pad1;
+};
+
+#ifdef __cplusplus
+static_assert(sizeof(FacetRecord) == 16 && sizeof(HemicubeFrame) == 64);
+static_assert(sizeof(ItemPush) == 80 && sizeof(ViewPush) == 80 && sizeof(ReducePush) == 16);
+}  // namespace farol::shader
+#endif
+#undef FAROL_CONST
+#endif

@@ -1,0 +1,41 @@
+#include "base/machine.h"
+
+#include <fstream>
+#include <string>
+
+namespace farol {
+namespace {
+
+// The value in bytes of a line such as "VmHWM:    1234 kB"; 0 when there is none.
+uint64_t kilobyteLine(const char* file, const std::string& key) {
+  std::ifstream in(file);
+  std::string word;
+  uint64_t value = 0;
+  while (in >> word) {
+    if (word == key && in >> value) return value * 1024;
+  }
+  return 0;
+}
+
+}  // namespace
+
+uint64_t peakMemoryBytes() { return kilobyteLine("/proc/self/status", "VmHWM:"); }
+uint64_t availableMemoryBytes() { return kilobyteLine("/proc/meminfo", "MemAvailable:"); }
+
+void StageClock::finish(const std::string& name) {
+  const double now = watch_.seconds();
+  stages_.push_back({name, now - last_, peakMemoryBytes()});
+  last_ = now;
+}
+
+double StageClock::secondsOf(const std::string& name) const {
+  double sum = 0;
+  for (const Stage& stage : stages_) {
+    if (stage.name == name) sum += stage.seconds;
+  }
+  return sum;
+}
+
+double StageClock::totalSeconds() const { return last_; }
+
+}  // namespace farol

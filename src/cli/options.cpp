@@ -1,0 +1,266 @@
+#include "cli/options.h"
+
+#include "base/error.h"
+
+#include <CLI/CLI.hpp>
+
+#include <map>
+#include <vector>
+
+namespace farol {
+namespace {
+
+const std::map<std::string, Projection> kProjections = {{"hemicube", Projection::hemicube}, {"tetrahedron", Projection::tetrahedron}};
+const std::map<std::string, SolverKind> kSolvers = {{"gauss-seidel", SolverKind::gaussSeidel}, {"jacobi", SolverKind::jacobi}};
+
+std::string endingOf(const std::string& path) {
+  const size_t dot = path.rfind('.');
+  return dot == std::string::npos || path.find('/', dot) != std::string::npos ? "" : path.substr(dot);
+}
+
+// Values that CLI11 has no type for, as text until they are checked.
+struct RawOptions {
+  std::string size = "1280x720", sky, projection = "hemicube", solver = "gauss-seidel", illumination = "global";
+};
+
+// A number in [low, high] that is written out completely; throws a sentence otherwise.
+template <typename T>
+CLI::Validator inRange(T low, T high) {
+  return CLI::Validator(
+      [low, high](std::string& text) -> std::string {
+        T value{};
+        if (!CLI::detail::lexical_cast(text, value)) return fmt::format("{} is not a number from {} to {}", text, low, high);
+        if (!(value >= low && value <= high)) return fmt::format("{} is outside the range from {} to {}", text, low, high);
+        return "";
+      },
+      fmt::format("{}..{}", low, high));
+}
+
+void addScene(CLI::App* app, Options& o) { app->add_option("SCENE", o.scene, "glTF 2.0 scene (.gltf or .glb)")->required(); }
+
+void addPatches(CLI::App* app, Options& o) {
+  auto* count = app->add_option("--patches", o.patches, "About so many patches")->check(inRange<size_t>(1, 1u << 30))->group("Patches");
+  app->add_option("--patch-size", o.patchSize, "Longest cell edge [scene units], instead of --patches")
+      ->check(CLI::Validator([](std::string& text) {
+        double value = 0;
+        return CLI::detail::lexical_cast(text, value) && value > 0 && std::isfinite(value) ? "" : text + " is not a length above 0";
+      }, "LENGTH"))
+      ->excludes(count)->group("Patches");
+}
+
+void addFormFactors(CLI::App* app, Options& o, RawOptions& raw) {
+  app->add_option("--method", o.method, "How rows of F are made")->check(CLI::IsMember({"auto", "raster"}))->group("Form factors");
+  app->add_option("--resolution", o.resolution, "Pixels along a hemicube's edge, even")
+      ->check(inRange<uint32_t>(8, 1024))
+      ->check(CLI::Validator([](std::string& text) { return std::stoul(text) % 2 == 0 ? "" : text + " is not even"; }, ""))
+      ->group("Form factors");
+  app->add_option("--projection", raw.projection, "hemicube or tetrahedron")->check(CLI::IsMember({"hemicube", "tetrahedron"}))->group("Form factors");
+  app->add_option("--positions", o.positions, "Hemicubes per patch, spread over its area")->check(inRange<int>(1, 4096))->group("Form factors");
+  app->add_option("--seed", o.seed, "Turns of the hemicubes about the normal")->check(inRange<uint64_t>(0, UINT64_MAX))->group("Form factors");
+  app->add_option("--sky", raw.sky, "Radiosity r,g,b of what lies outside the scene")->group("Light");
+}
+
+void addSolve(CLI::App* app, Options& o, RawOptions& raw) {
+  app->add_option("--solver", raw.solver, "gauss-seidel or jacobi")->check(CLI::IsMember({"gauss-seidel", "jacobi"}))->group("Solution");
+  app->add_option("--residual", o.residual, "Stop at this error of B, relative to the mean of non-emitters")
+      ->check(inRange<double>(1e-14, 1))->group("Solution");
+  app->add_option("--max-sweeps", o.maxSweeps, "Stop after so many sweeps (exit code 3)")->check(inRange<size_t>(1, 1000000000))->group("Solution");
+  app->add_option("--illumination", raw.illumination, "global, or local: emitters as points, nothing in between")
+      ->check(CLI::IsMember({"global", "local"}))->group("Solution");
+  app->add_option("--patches-csv", o.patchesCsv, "Write a line per patch")->group("Results");
+}
+
+void addMachine(CLI::App* app, Options& o) {
+  app->add_option("--device", o.device, "Vulkan device by index or part of its name (farol devices lists them)")->group("Machine");
+  app->add_option("--memory", o.memory, "Memory for form factors, such as 4G; 0: four fifths of what is free")
+      ->transform(CLI::AsSizeValue(false))->group("Machine");
+  app->add_option("--threads", o.threads, "CPU threads; 0: all")->check(inRange<int>(0, 4096))->group("Machine");
+  app->add_option("--report", o.report, "Write all figures of the run as JSON")->group("Results");
+}
+
+void addExposure(CLI::App* app, Options& o, const char* text) {
+  app->add_option("--exposure", o.exposure, text)->check(inRange<double>(-64, 64))->group("Picture");
+}
+
+Rgb parseSky(const std::string& text) {
+  if (text.empty()) return Rgb(0);
+  const std::vector<std::string> parts = CLI::detail::split(text, ',');
+  Rgb sky(0);
+  for (size_t c = 0; c < parts.size() && c < 3; ++c) {
+    if (!CLI::detail::lexical_cast(parts[c], sky[static_cast<int>(c)])) sky[static_cast<int>(c)] = -1;
+  }
+  if (parts.size() != 3 || !(minChannel(sky) >= 0) || !std::isfinite(maxChannel(sky))) {
+    throw UsageError("--sky: {} is not three numbers r,g,b of 0 or more", text);
+  }
+  return sky;
+}
+
+void parseSize(const std::string& text, Options& o) {
+  constexpr unsigned kMax = 32768;
+  const std::vector<std::string> parts = CLI::detail::split(text, 'x');
+  unsigned w = 0, h = 0;
+  const bool good = parts.size() == 2 && CLI::detail::lexical_cast(parts[0], w) && CLI::detail::lexical_cast(parts[1], h);
+  if (!good || w < 1 || h < 1 || w > kMax || h > kMax) {
+    throw UsageError("--size: {} is not WIDTHxHEIGHT with 1 to {} pixels each", text, kMax);
+  }
+  o.width = w;
+  o.height = h;
+}
+
+void checkEnding(const std::string& path, const std::vector<std::string>& allowed) {
+  if (path.empty() || std::find(allowed.begin(), allowed.end(), endingOf(path)) != allowed.end()) return;
+  std::string list;
+  for (const std::string& a : allowed) list += (list.empty() ? "" : ", ") + a;
+  throw UsageError("-o: {} does not end in {}", path, list);
+}
+
+// Number of single-letter changes between two words (Levenshtein 1966).
+size_t distanceBetween(const std::string& a, const std::string& b) {
+  std::vector<size_t> row(b.size() + 1);
+  for (size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  for (size_t i = 1; i <= a.size(); ++i) {
+    size_t diagonal = row[0];
+    row[0] = i;
+    for (size_t j = 1; j <= b.size(); ++j) {
+      const size_t keep = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
+      diagonal = row[j];
+      row[j] = std::min({keep, row[j] + 1, row[j - 1] + 1});
+    }
+  }
+  return row.back();
+}
+
+// The sentence for arguments that no option took, with the nearest known option.
+std::string unknownArgument(const CLI::App& app) {
+  const CLI::App* active = app.get_subcommands().empty() ? &app : app.get_subcommands().front();
+  const std::vector<std::string> left = app.remaining(true);
+  const std::string found = left.empty() ? "" : left.front();
+  std::vector<std::string> known;
+  if (active == &app) {
+    for (const CLI::App* command : app.get_subcommands({})) known.push_back(command->get_name());
+  }
+  for (const CLI::Option* option : active->get_options()) {
+    for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
+  }
+  const std::string stem = found.substr(0, found.find('='));
+  std::string nearest;
+  for (const std::string& name : known) {
+    if (nearest.empty() || distanceBetween(stem, name) < distanceBetween(stem, nearest)) nearest = name;
+  }
+  const bool close = !nearest.empty() && distanceBetween(stem, nearest) <= std::max<size_t>(2, stem.size() / 2);
+  return fmt::format("unknown argument {}{}", found, close ? fmt::format("; did you mean {}?", nearest) : "; --help lists what is known");
+}
+
+}  // namespace
+
+const char* commandName(Command command) {
+  constexpr const char* names[] = {"", "render", "solve", "factors", "info", "devices"};
+  return names[static_cast<size_t>(command)];
+}
+
+const char* projectionName(Projection projection) { return projection == Projection::hemicube ? "hemicube" : "tetrahedron"; }
+const char* solverName(SolverKind kind) { return kind == SolverKind::gaussSeidel ? "gauss-seidel" : "jacobi"; }
+
+Options parseOptions(int argc, char** argv, bool& handled) {
+  Options o;
+  RawOptions raw;
+  CLI::App app("Radiosity: diffuse interreflection by form factors, on Vulkan devices.", "farol");
+  app.option_defaults()->always_capture_default();
+  app.set_version_flag("--version", std::string("farol " FAROL_VERSION));
+  app.require_subcommand(0, 1);
+  app.footer("Exit codes: 0 done; 1 failed (scene, device, memory, file); 2 wrong usage; 3 not converged, results written all "
+             "the same; 130 and 143 after SIGINT and SIGTERM.");
+
+  std::map<CLI::App*, Command> commands;
+  const auto command = [&](const char* name, const char* text, Command kind) {
+    CLI::App* sub = app.add_subcommand(name, text);
+    commands[sub] = kind;
+    sub->add_flag("--quiet", o.quiet, "Print warnings and errors only")->group("Results");
+    return sub;
+  };
+  CLI::App* render = command("render", "Solve, then draw the camera's view", Command::render);
+  CLI::App* solve = command("solve", "Solve; write the lit scene for any glTF viewer", Command::solve);
+  CLI::App* factors = command("factors", "Form factors only", Command::factors);
+  CLI::App* info = command("info", "What is in the scene, what would be done, memory and time forecast; writes nothing", Command::info);
+  command("devices", "Vulkan devices and CPU features", Command::devices);
+  for (CLI::App* sub : {render, solve, factors, info}) {
+    addScene(sub, o);
+    addPatches(sub, o);
+    addFormFactors(sub, o, raw);
+    addMachine(sub, o);
+  }
+  render->add_option("-o,--output", o.output, "Picture: .png (sRGB) or .exr (linear radiance)")->required()->group("Results");
+  solve->add_option("-o,--output", o.output, "Lit scene: .glb")->group("Results");
+  factors->add_option("-o,--output", o.output, "Form factors: .csv, .npy or .mtx")->group("Results");
+  factors->add_option("--by", o.by, "surface or patch; default: surface for .csv, patch otherwise")->check(CLI::IsMember({"surface", "patch"}))->group("Results");
+  addSolve(render, o, raw);
+  addSolve(solve, o, raw);
+  render->add_option("--camera", o.camera, "Camera by name; default: the first")->group("Picture");
+  render->add_option("--size", raw.size, "WIDTHxHEIGHT in pixels")->group("Picture");
+  addExposure(render, o, "Stops added to the picture's own exposure (.png) or to radiance (.exr)");
+  addExposure(solve, o, "Stops added to COLOR_0; above 0 the brightest is cut");
+
+  handled = false;
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& e) {  // --help, --version
+    app.exit(e);
+    handled = true;
+    return o;
+  } catch (const CLI::ExtrasError&) {
+    throw UsageError("{}", unknownArgument(app));
+  } catch (const CLI::ParseError& e) {
+    throw UsageError("{}", std::string(e.what()));
+  }
+  if (app.get_subcommands().empty()) {
+    fmt::print("{}", app.help());
+    handled = true;
+    return o;
+  }
+  o.command = commands.at(app.get_subcommands().front());
+  o.projection = kProjections.at(raw.projection);
+  o.solver = kSolvers.at(raw.solver);
+  o.localIllumination = raw.illumination == "local";
+  o.sky = parseSky(raw.sky);
+  parseSize(raw.size, o);
+  if (o.command == Command::render) checkEnding(o.output, {".png", ".exr"});
+  if (o.command == Command::solve) checkEnding(o.output, {".glb"});
+  if (o.command == Command::factors) {
+    checkEnding(o.output, {".csv", ".npy", ".mtx"});
+    const bool table = o.output.empty() || endingOf(o.output) == ".csv";
+    if (o.by.empty()) o.by = table ? "surface" : "patch";
+    if ((o.by == "surface") != table) throw UsageError("--by {} cannot be written to {}: .csv is by surface, .npy and .mtx are by patch", o.by, o.output);
+  }
+  return o;
+}
+
+std::string explicitCommand(const Options& o) {
+  std::string text = fmt::format("farol {} {}", commandName(o.command), o.scene);
+  const auto add = [&text](const char* name, const auto& value) { text += fmt::format(" {} {}", name, value); };
+  if (!o.output.empty()) add("-o", o.output);
+  if (o.patchSize > 0) add("--patch-size", o.patchSize);
+  else add("--patches", o.patches);
+  add("--method", "raster");
+  add("--resolution", o.resolution);
+  add("--projection", projectionName(o.projection));
+  add("--positions", o.positions);
+  add("--seed", o.seed);
+  if (o.command == Command::factors) add("--by", o.by);
+  if (maxChannel(o.sky) > 0) add("--sky", fmt::format("{},{},{}", o.sky.r, o.sky.g, o.sky.b));
+  if (o.command == Command::render || o.command == Command::solve) {
+    add("--solver", solverName(o.solver));
+    add("--residual", o.residual);
+    add("--max-sweeps", o.maxSweeps);
+    add("--illumination", o.localIllumination ? "local" : "global");
+    add("--exposure", o.exposure);
+  }
+  if (o.command == Command::render) {
+    if (!o.camera.empty()) add("--camera", o.camera);
+    add("--size", fmt::format("{}x{}", o.width, o.height));
+  }
+  if (!o.device.empty()) add("--device", o.device);
+  if (!o.patchesCsv.empty()) add("--patches-csv", o.patchesCsv);
+  return text;
+}
+
+}  // namespace farol

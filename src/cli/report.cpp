@@ -1,0 +1,89 @@
+#include "cli/report.h"
+
+#include "base/output_file.h"
+
+#include <nlohmann/json.hpp>
+
+#include <thread>
+
+namespace farol {
+namespace {
+
+using nlohmann::json;
+
+json channels(const Rgb& c) { return {c.r, c.g, c.b}; }
+
+json optionsOf(const Options& o) {
+  return {{"patches", o.patches}, {"patch_size", o.patchSize}, {"method", o.method}, {"resolution", o.resolution},
+          {"projection", projectionName(o.projection)}, {"positions", o.positions}, {"seed", o.seed}, {"sky", channels(o.sky)},
+          {"solver", solverName(o.solver)}, {"residual", o.residual}, {"max_sweeps", o.maxSweeps},
+          {"illumination", o.localIllumination ? "local" : "global"}, {"camera", o.camera},
+          {"size", {o.width, o.height}}, {"exposure", o.exposure}, {"device", o.device}, {"memory", o.memory}, {"threads", o.threads}};
+}
+
+}  // namespace
+
+std::vector<std::string> cpuFeatures() {
+  std::vector<std::string> found;
+#if defined(__x86_64__)
+  __builtin_cpu_init();
+  if (__builtin_cpu_supports("sse4.2")) found.emplace_back("sse4.2");
+  if (__builtin_cpu_supports("avx")) found.emplace_back("avx");
+  if (__builtin_cpu_supports("avx2")) found.emplace_back("avx2");
+  if (__builtin_cpu_supports("fma")) found.emplace_back("fma");
+  if (__builtin_cpu_supports("avx512f")) found.emplace_back("avx512f");
+#endif
+  return found;
+}
+
+void writeReport(const std::string& path, const Report& r) {
+  json j;
+  j["program"] = {{"name", "farol"}, {"version", FAROL_VERSION}};
+  j["command"] = commandName(r.options.command);
+  j["scene"] = r.options.scene;
+  j["options"] = optionsOf(r.options);
+  j["equivalent_command"] = explicitCommand(r.options);
+  j["cpu"] = {{"threads", std::thread::hardware_concurrency()}, {"features", cpuFeatures()}};
+  if (r.device) {
+    j["device"] = {{"name", r.device->name}, {"type", r.device->type}, {"driver", r.device->driver}, {"api", r.device->apiVersion},
+                   {"memory_bytes", r.device->memoryBytes}};
+    j["batch"] = {{"hemicubes", r.batch}, {"device_bytes", r.deviceBytes}};
+  }
+  j["counts"] = {{"surfaces", r.surfaces}, {"triangles", r.triangles}, {"facets", r.facets}, {"cells", r.cells}, {"patches", r.patches},
+                 {"specular", r.specularPatches}, {"emitting", r.emittingPatches}, {"degenerate_triangles", r.degenerate},
+                 {"duplicate_triangles", r.duplicate}, {"welded_vertices", r.welded}};
+  j["area"] = r.area;
+  j["method"] = {{"form_factors", r.checks ? "raster" : "none"},
+                 {"why", r.options.method == "auto" ? "the only method for scenes of diffuse surfaces so far" : "asked for"}};
+  j["matrix_bytes"] = r.matrixBytes;
+  if (r.checks) {
+    const FormFactorChecks& c = *r.checks;
+    j["row_sums"] = {{"min", c.rowSumMin}, {"mean", c.rowSumMean}, {"max", c.rowSumMax}};
+    j["shares"] = {{"missed", c.missed}, {"cut", 0.0}, {"backs", c.backs}, {"covered_area", c.covered}};
+    j["reciprocity_error"] = c.reciprocityRms;
+  }
+  if (r.solution) {
+    const Solution& s = *r.solution;
+    j["solve"] = {{"sweeps", s.sweeps}, {"residual", s.residual}, {"contraction", s.contraction}, {"error", s.error}, {"converged", s.converged}};
+  }
+  if (r.energy) {
+    const EnergyBalance& e = *r.energy;
+    j["energy"] = {{"emitted", channels(e.emitted)}, {"from_sky", channels(e.fromSky)}, {"absorbed", channels(e.absorbed)},
+                   {"to_open", channels(e.toOpen)}, {"to_backs", channels(e.toBacks)}, {"relative_error", e.relativeError}};
+  }
+  if (r.displayScale) j["display_scale"] = *r.displayScale;
+  j["stages"] = json::array();
+  uint64_t peak = peakMemoryBytes();
+  for (const Stage& s : r.clock.stages()) {
+    j["stages"].push_back({{"name", s.name}, {"seconds", s.seconds}, {"peak_bytes", s.peakBytes}});
+    peak = std::max(peak, s.peakBytes);
+  }
+  j["total_seconds"] = r.clock.totalSeconds();
+  j["peak_bytes"] = peak;
+  j["warnings"] = r.warnings;
+  OutputFile file(path);
+  file.stream() << j.dump(2, ' ', false, json::error_handler_t::replace) << '\n';
+  file.commit();
+}
+
+}  // namespace farol

@@ -1,0 +1,34 @@
+// The figures of one run, for the summary and for the JSON report.
+#pragma once
+
+#include "base/machine.h"
+#include "cli/options.h"
+#include "gpu/gpu.h"
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace farol {
+
+struct Report {
+  Options options;
+  std::optional<gpu::DeviceInfo> device;
+  size_t surfaces = 0, triangles = 0, facets = 0, cells = 0, patches = 0, specularPatches = 0, emittingPatches = 0;
+  double area = 0;                  // of all patches [scene units squared]
+  size_t degenerate = 0, duplicate = 0, welded = 0;
+  uint64_t matrixBytes = 0;         // of F
+  uint32_t batch = 0;               // hemicubes per submission
+  uint64_t deviceBytes = 0;         // device memory for batches
+  std::optional<FormFactorChecks> checks;
+  std::optional<Solution> solution;  // figures only: without the vectors
+  std::optional<EnergyBalance> energy;
+  std::optional<double> displayScale;
+  std::vector<std::string> warnings;
+  StageClock clock;
+};
+
+void writeReport(const std::string& path, const Report& report);
+std::vector<std::string> cpuFeatures();
+
+}  // namespace farol

@@ -1,0 +1,304 @@
+#include "formfactor/raster.h"
+
+#include "base/error.h"
+#include "patch/positions.h"
+#include "shared/interface.h"
+#include "shaders/hemicube.frag.h"
+#include "shaders/hemicube.vert.LAYERED.h"
+#include "shaders/hemicube.vert.h"
+#include "shaders/hemicube_reduce.comp.h"
+
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_for.h>
+
+#include <array>
+#include <cstring>
+
+namespace farol {
+namespace {
+
+using shader::vec4;
+
+// Near distance and the height below which a point counts as lying on the patch's own plane, in unit
+// coordinates. Depth is a float in reversed z, so a tiny near distance costs no precision.
+constexpr float kNear = 1e-6f;
+constexpr float kOwnPlane = 4e-7f;  // float32 rounding of point and frame, both at most 0.5 from the centre
+constexpr double kFullHemisphere = 4294967295.0;  // 2^32 - 1, the sum of all delta form factors
+
+vec4 toVec4(const Vec3& v, double w = 0) {
+  return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z), static_cast<float>(w)};
+}
+
+std::vector<shader::FacetRecord> facetRecords(const FacetSet& facets, const PatchSet& patches) {
+  std::vector<shader::FacetRecord> records;
+  for (size_t i = 0; i < facets.facets.size(); ++i) {
+    const CellGrid& g = patches.grids[i];
+    records.push_back({g.frontCell, g.backCell, g.nu, facets.facets[i].parallelogram ? g.nv : 0});
+  }
+  return records;
+}
+
+struct Hemicube {
+  uint32_t patch;
+  Vec3 point;
+  double weight;
+  double turn;  // about the normal [rad]
+  bool last;    // of its patch
+};
+
+shader::HemicubeFrame frameOf(const Hemicube& h, const Vec3& normal) {
+  const Vec3 t = anyPerpendicular(normal), b = glm::cross(normal, t);
+  const double c = std::cos(h.turn), s = std::sin(h.turn);
+  return {toVec4(h.point), toVec4(c * t + s * b), toVec4(c * b - s * t), toVec4(normal)};
+}
+
+// A row under way: weighted counts of the positions seen so far, in order, in double.
+struct Accumulator {
+  std::vector<double> sums;  // [bins]
+  double exposed = 0;        // weight of the positions that are not inside a solid
+
+  void clear(size_t bins) {
+    sums.assign(bins, 0.0);
+    exposed = 0;
+  }
+
+  void add(const uint32_t* counts, double weight) {
+    const size_t bins = sums.size();
+    if (counts[bins - 1] == 0xFFFFFFFFu) return;  // nothing but backs around: inside a solid
+    exposed += weight;
+    for (size_t j = 0; j < bins; ++j) sums[j] += weight * counts[j];
+  }
+
+  void store(RowStore& store, uint32_t patch) const {
+    const size_t patches = sums.size() - 2;
+    const std::span<float> row = store.row(patch);
+    const double scale = exposed > 0 ? 1 / (kFullHemisphere * exposed) : 0;
+    for (size_t j = 0; j < patches; ++j) row[j] = static_cast<float>(scale * sums[j]);
+    store.finish(patch, {scale * sums[patches], scale * sums[patches + 1], exposed});
+  }
+};
+
+}  // namespace
+
+FacetMesh buildFacetMesh(const FacetSet& facets) {
+  FacetMesh mesh;
+  for (uint32_t f = 0; f < facets.facets.size(); ++f) {
+    const Facet& facet = facets.facets[f];
+    const auto first = static_cast<uint32_t>(mesh.vertices.size());
+    for (uint32_t k = 0; k < facet.cornerCount(); ++k) {
+      const Vec3& p = facets.points[facet.corners[k]];
+      const uint32_t corner = !facet.parallelogram && k == 2 ? 3 : k;  // a triangle's third corner is at (0,1)
+      mesh.vertices.push_back({static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z), 4 * f + corner});
+    }
+    mesh.indices.insert(mesh.indices.end(), {first, first + 1, first + 2});
+    if (facet.parallelogram) mesh.indices.insert(mesh.indices.end(), {first, first + 2, first + 3});
+  }
+  return mesh;
+}
+
+struct RasterRowMaker::Impl {
+  // One of two batches under way: while the device works on one, the host stores the rows of the other.
+  struct Slot {
+    gpu::Buffer frames, rows;
+    gpu::Bindings drawBindings;
+    gpu::Commands commands;
+    std::vector<Hemicube> hemicubes;
+  };
+
+  Impl(const gpu::Device& d, const FacetSet& f, const PatchSet& p, const RasterOptions& o)
+      : device(d),
+        facets(f),
+        patches(p),
+        options(o),
+        layout(layoutOf(o.projection, o.resolution)),
+        pixels(layout.width * layout.height),
+        bins(static_cast<uint32_t>(p.size()) + 2),
+        layers(chooseLayers()),
+        layered(o.layered && d.info().layeredVertexOutput),
+        mesh(buildFacetMesh(f)),
+        indexCount(static_cast<uint32_t>(mesh.indices.size())),
+        vertices(gpu::upload(d, "facet vertices", mesh.vertices)),
+        indices(gpu::upload(d, "facet indices", mesh.indices)),
+        records(gpu::upload(d, "facet records", facetRecords(f, p))),
+        cellMap(gpu::upload(d, "cell map", p.cellMap)),
+        deltaFactors(gpu::upload(d, "delta form factors", quantisedFormFactors(o.projection, o.resolution))),
+        target(d, "item buffer", layout.width, layout.height, layers, {gpu::Format::uint32}),
+        items(d, "items", uint64_t{4} * pixels * layers, gpu::Memory::device),
+        sums(d, "row sums", uint64_t{4} * bins * layers, gpu::Memory::device),
+        draw(d, "hemicube", layered ? gpu::Spirv(hemicube_vert_LAYERED) : gpu::Spirv(hemicube_vert), hemicube_frag,
+             {gpu::Format::uint32}, shader::kItemBindingCount, sizeof(shader::ItemPush)),
+        reduce(d, "hemicube reduction", hemicube_reduce_comp, shader::kReduceBindingCount, sizeof(shader::ReducePush)),
+        reduceBindings(d, "hemicube reduction", {&items, &deltaFactors, &sums}) {
+    for (const char* name : {"batch A", "batch B"}) {
+      gpu::Buffer frames(d, fmt::format("{} frames", name), sizeof(shader::HemicubeFrame) * layers, gpu::Memory::upload);
+      gpu::Buffer rows(d, fmt::format("{} rows", name), uint64_t{4} * bins * layers, gpu::Memory::download);
+      gpu::Bindings bindings(d, name, {&records, &cellMap, &frames});
+      slots.push_back({std::move(frames), std::move(rows), std::move(bindings), gpu::Commands(d, name), {}});
+    }
+  }
+
+  // Colour, depth and items per pixel; sums and two downloads per bin.
+  uint64_t bytesPerLayer() const { return uint64_t{12} * pixels + uint64_t{12} * bins; }
+
+  uint32_t chooseLayers() const {
+    const gpu::Limits& limits = device.limits();
+    uint64_t count = options.deviceMemory / bytesPerLayer();
+    count = std::min<uint64_t>(count, limits.maxImageLayers);
+    count = std::min(count, limits.maxStorageBufferRange / (uint64_t{4} * std::max(pixels, bins)));
+    if (options.maxBatch > 0) count = std::min<uint64_t>(count, options.maxBatch);
+    if (count == 0) {
+      throw Error("a hemicube of resolution {} with {} patches needs {} bytes on the device; {} are allowed", options.resolution,
+                  patches.size(), bytesPerLayer(), options.deviceMemory);
+    }
+    return static_cast<uint32_t>(count);
+  }
+
+  void drawLayers(gpu::Commands& commands, uint32_t first, uint32_t count) {
+    const uint32_t backBin = bins - 1, missedBin = bins - 2;
+    commands.beginRaster(target, first, count, missedBin);
+    for (const ProjectionFace& face : layout.faces) {
+      // x in [low, 1] * depth becomes clip.x in [-1, 1] * depth.
+      const double scaleX = 2 / (1 - face.low), scaleY = 2 / (1 - face.bottom);
+      shader::ItemPush push{toVec4(face.right, scaleX), toVec4(face.up, scaleY), toVec4(face.forward, kNear),
+                            toVec4({1 - scaleX, 1 - scaleY, kOwnPlane}), first, backBin, 0, 0};
+      commands.viewport(face.x, face.y, face.width, face.height);
+      commands.push(push);
+      if (facets.hasTwins) {  // back to back at the same depth: fronts come first and equal depths do not replace
+        commands.faces(gpu::Faces::front);
+        commands.drawIndexed(indexCount, count);
+        commands.faces(gpu::Faces::back);
+        commands.drawIndexed(indexCount, count);
+      } else {
+        commands.faces(gpu::Faces::all);
+        commands.drawIndexed(indexCount, count);
+      }
+    }
+    commands.endRaster();
+  }
+
+  void submit(Slot& slot) {
+    const auto count = static_cast<uint32_t>(slot.hemicubes.size());
+    const auto frames = slot.frames.as<shader::HemicubeFrame>();
+    for (uint32_t k = 0; k < count; ++k) {
+      frames[k] = frameOf(slot.hemicubes[k], patches.patches[slot.hemicubes[k].patch].normal);
+    }
+    gpu::Commands& commands = slot.commands;
+    commands.begin();
+    commands.fill(sums, uint64_t{4} * bins * count, 0);
+    commands.bind(draw, slot.drawBindings);
+    commands.bindMesh(vertices, indices);
+    if (layered) {
+      drawLayers(commands, 0, count);
+    } else {
+      for (uint32_t k = 0; k < count; ++k) drawLayers(commands, k, 1);
+    }
+    commands.copyColor(target, 0, count, items);
+    commands.bind(reduce, reduceBindings);
+    commands.push(shader::ReducePush{pixels, bins, 0, 0});
+    constexpr uint32_t kPixelsPerGroup = shader::kReduceGroupSize * shader::kReducePixelsPerLane;
+    commands.dispatch((pixels + kPixelsPerGroup - 1) / kPixelsPerGroup, count);
+    commands.copy(sums, slot.rows, uint64_t{4} * bins * count);
+    commands.submit();
+  }
+
+  // Stores the rows that the slot's batch completes. A patch whose positions are cut by the batch's end stays
+  // in `carry`; positions are always added in their order, so the rows do not depend on where batches end.
+  void collect(Slot& slot, RowStore& store) {
+    slot.commands.wait();
+    struct Run {
+      size_t first, last;  // hemicubes of one patch
+    };
+    std::vector<Run> runs;
+    for (size_t k = 0; k < slot.hemicubes.size(); ++k) {
+      if (k == 0 || slot.hemicubes[k - 1].last) runs.push_back({k, k});
+      runs.back().last = k;
+    }
+    const auto counts = slot.rows.as<const uint32_t>();
+    const auto addRun = [&](const Run& run, Accumulator& to) {
+      for (size_t k = run.first; k <= run.last; ++k) to.add(counts.data() + k * bins, slot.hemicubes[k].weight);
+    };
+    const auto open = [&](size_t r) { return !slot.hemicubes[runs[r].last].last || (r == 0 && carrying); };
+    tbb::parallel_for(size_t{0}, runs.size(), [&](size_t r) {
+      if (open(r)) return;
+      Accumulator& row = scratch.local();
+      row.clear(bins);
+      addRun(runs[r], row);
+      row.store(store, slot.hemicubes[runs[r].first].patch);
+    });
+    for (size_t r = 0; r < runs.size(); ++r) {
+      if (!open(r)) continue;
+      if (!carrying) carry.clear(bins);
+      addRun(runs[r], carry);
+      carrying = !slot.hemicubes[runs[r].last].last;
+      if (!carrying) carry.store(store, slot.hemicubes[runs[r].first].patch);
+    }
+  }
+
+  void makeRows(std::span<const uint32_t> wanted, RowStore& store, const std::function<void(size_t)>& done) {
+    carrying = false;
+    size_t batch = 0;
+    Slot* busy = nullptr;
+    std::vector<Hemicube> next;
+    size_t rowsSubmitted = 0, rowsBusy = 0;
+    const auto flush = [&](size_t rows) {
+      Slot& slot = slots[batch++ % 2];
+      slot.hemicubes.swap(next);
+      next.clear();
+      submit(slot);
+      if (busy != nullptr) {
+        collect(*busy, store);
+        done(rowsBusy);
+      }
+      busy = &slot;
+      rowsBusy = rows;
+    };
+    for (const uint32_t patch : wanted) {
+      const uint64_t seed = mixBits(options.seed * 0x100000001B3ull + patch);
+      const auto positions = positionsOn(facets, patches, patch, options.positions, seed);
+      ++rowsSubmitted;
+      for (size_t k = 0; k < positions.size(); ++k) {
+        next.push_back({patch, positions[k].point, positions[k].weight, 2 * kPi * unitFromBits(mixBits(seed + 2 + k)),
+                        k + 1 == positions.size()});
+        if (next.size() == layers) flush(next.back().last ? rowsSubmitted : rowsSubmitted - 1);
+      }
+    }
+    if (!next.empty()) flush(rowsSubmitted);
+    if (busy != nullptr) {
+      collect(*busy, store);
+      done(rowsBusy);
+    }
+  }
+
+  const gpu::Device& device;
+  const FacetSet& facets;
+  const PatchSet& patches;
+  RasterOptions options;
+  ProjectionLayout layout;
+  uint32_t pixels, bins, layers;
+  bool layered;
+  FacetMesh mesh;
+  uint32_t indexCount;
+  gpu::Buffer vertices, indices, records, cellMap, deltaFactors;
+  gpu::RasterTarget target;
+  gpu::Buffer items, sums;
+  gpu::RasterPipeline draw;
+  gpu::ComputePipeline reduce;
+  gpu::Bindings reduceBindings;
+  std::vector<Slot> slots;
+  tbb::enumerable_thread_specific<Accumulator> scratch;
+  Accumulator carry;
+  bool carrying = false;
+};
+
+RasterRowMaker::RasterRowMaker(const gpu::Device& device, const FacetSet& facets, const PatchSet& patches, const RasterOptions& options)
+    : impl_(std::make_unique<Impl>(device, facets, patches, options)) {}
+RasterRowMaker::~RasterRowMaker() = default;
+
+void RasterRowMaker::makeRows(std::span<const uint32_t> patches, RowStore& store, const std::function<void(size_t)>& done) {
+  impl_->makeRows(patches, store, done);
+}
+
+uint32_t RasterRowMaker::batchSize() const { return impl_->layers; }
+uint64_t RasterRowMaker::deviceBytes() const { return impl_->bytesPerLayer() * impl_->layers; }
+
+}  // namespace farol

@@ -1,0 +1,71 @@
+#include "base/output_file.h"
+#include "output/output.h"
+
+#include <fmt/ostream.h>
+
+#include <map>
+
+namespace farol {
+namespace {
+
+// A field of RFC 4180: quoted where it holds a comma, a quote or a line break.
+std::string csvField(const std::string& text) {
+  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return quoted + "\"";
+}
+
+std::string triple(const Vec3& v) { return fmt::format("{},{},{}", v.x, v.y, v.z); }
+
+}  // namespace
+
+void writePatchesCsv(const std::string& path, const Scene& scene, const PatchSet& patches, const FormFactorMatrix* f,
+                     const Solution& solution) {
+  OutputFile file(path);
+  file.stream() << "patch,surface,cx,cy,cz,nx,ny,nz,area,rho_r,rho_g,rho_b,E_r,E_g,E_b,B_r,B_g,B_b,H_r,H_g,H_b,exposed_area,err\r\n";
+  for (size_t i = 0; i < patches.size(); ++i) {
+    const Patch& p = patches.patches[i];
+    const double exposed = f != nullptr ? f->shares(i).exposed : 1;
+    fmt::print(file.stream(), "{},{},{},{},{},{},{},{},{},{},nan\r\n", i, csvField(surfaceNameOf(scene, p)), triple(p.centre),
+               triple(p.normal), p.area, triple(p.reflectance), triple(p.emission), triple(solution.radiosity[i]),
+               triple(solution.irradiance[i]), p.area * exposed);
+  }
+  file.commit();
+}
+
+void writeFactorsBySurface(const std::string& path, const Scene& scene, const PatchSet& patches, const FormFactorMatrix& f) {
+  std::vector<std::string> names;
+  std::map<std::pair<uint32_t, bool>, size_t> index;
+  std::vector<size_t> surfaceOf;
+  for (const Patch& p : patches.patches) {
+    const auto [it, isNew] = index.emplace(std::pair(p.surface, p.back), names.size());
+    if (isNew) names.push_back(surfaceNameOf(scene, p));
+    surfaceOf.push_back(it->second);
+  }
+  const size_t n = names.size();
+  std::vector<std::vector<double>> sums(n, std::vector<double>(n, 0.0));
+  std::vector<double> area(n, 0.0), open(n, 0.0);
+  for (size_t i = 0; i < patches.size(); ++i) {
+    const RowShares& shares = f.shares(i);
+    const double weight = patches.patches[i].area * shares.exposed;
+    const size_t s = surfaceOf[i];
+    area[s] += weight;
+    open[s] += weight * shares.missed;
+    const auto row = f[i];
+    for (size_t j = 0; j < row.size(); ++j) sums[s][surfaceOf[j]] += weight * static_cast<double>(row[j]);
+  }
+  OutputFile file(path);
+  file.stream() << "surface,area";
+  for (const std::string& name : names) file.stream() << ',' << csvField(name);
+  file.stream() << ",(open),(cut)\r\n";
+  for (size_t s = 0; s < n; ++s) {
+    const double scale = area[s] > 0 ? 1 / area[s] : 0;
+    fmt::print(file.stream(), "{},{}", csvField(names[s]), area[s]);
+    for (size_t t = 0; t < n; ++t) fmt::print(file.stream(), ",{}", scale * sums[s][t]);
+    fmt::print(file.stream(), ",{},0\r\n", scale * open[s]);
+  }
+  file.commit();
+}
+
+}  // namespace farol

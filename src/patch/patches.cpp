@@ -1,0 +1,231 @@
+#include "patch/patches.h"
+
+#include "base/error.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace farol {
+namespace {
+
+struct EdgeLengths {
+  double u, v;  // of a parallelogram's sides; both the longest edge of a triangle [unit coordinates]
+};
+
+EdgeLengths edgeLengths(const FacetSet& set, const Facet& f) {
+  const Vec3 &a = set.points[f.corners[0]], &b = set.points[f.corners[1]], &c = set.points[f.vCorner()];
+  const double u = glm::distance(a, b), v = glm::distance(a, c);
+  if (f.parallelogram) return {u, v};
+  const double longest = std::max({u, v, glm::distance(b, c)});
+  return {longest, longest};
+}
+
+// Cells along an edge: ceil(l / S); a length that is a whole multiple up to rounding stays exact.
+double cellsAlong(double length, double size) { return std::max(1.0, std::ceil(length / size * (1 - 1e-9))); }
+
+double countCells(const FacetSet& set, const std::vector<EdgeLengths>& edges, double size) {
+  double sum = 0;
+  for (size_t i = 0; i < edges.size(); ++i) {
+    const double nu = cellsAlong(edges[i].u, size);
+    sum += set.facets[i].parallelogram ? nu * cellsAlong(edges[i].v, size) : nu * nu;
+  }
+  return sum;
+}
+
+// The cell size that gives the number of cells nearest to `target`; the count falls as the size grows.
+double sizeForCount(const FacetSet& set, const std::vector<EdgeLengths>& edges, double target) {
+  double low = 1e-7, high = 2.0;  // the scene's diagonal is 1
+  for (int i = 0; i < 80; ++i) {
+    const double middle = std::sqrt(low * high);
+    (countCells(set, edges, middle) > target ? low : high) = middle;
+  }
+  const double above = countCells(set, edges, low), below = countCells(set, edges, high);
+  return above - target < target - below ? low : high;
+}
+
+// Index of the first cell of row v in a triangle's grid of n rows.
+uint32_t triangleRow(uint32_t n, uint32_t v) { return v * (2 * n - v); }
+
+void addCells(PatchSet& set, const FacetSet& facets, bool back) {
+  for (uint32_t f = 0; f < facets.facets.size(); ++f) {
+    const Facet& facet = facets.facets[f];
+    if (back && !facet.doubleSided) continue;
+    CellGrid& grid = set.grids[f];
+    (back ? grid.backCell : grid.frontCell) = static_cast<uint32_t>(set.cells.size());
+    for (uint32_t v = 0; v < grid.nv; ++v) {
+      const uint32_t width = facet.parallelogram ? grid.nu : 2 * (grid.nu - v) - 1;
+      for (uint32_t k = 0; k < width; ++k) {
+        const bool inverted = !facet.parallelogram && k % 2 == 1;
+        set.cells.push_back({f, back, facet.parallelogram ? k : k / 2, v, inverted});
+      }
+    }
+  }
+}
+
+// Mean optics over a cell. Constant materials are evaluated once; textured ones on a grid of about one
+// sample per texel, at most 32 x 32.
+Optics cellOptics(const Scene& scene, const Facet& facet, const CellGrid& grid, const Cell& cell) {
+  const Surface& surface = scene.surfaces[facet.surface];
+  const Material& material = scene.materials[surface.material];
+  const bool varies = material.textured() || !surface.colors.empty();
+  int samples = 1;
+  if (material.textured()) {
+    double texels = 1;
+    for (const TextureUse* use : {&material.baseTexture, &material.emissionTexture, &material.metallicRoughnessTexture}) {
+      if (!use->used()) continue;
+      const Texture& texture = scene.textures[static_cast<size_t>(use->texture)];
+      const auto uvAt = [&](double s, double t) {
+        const Vec2 q = cellPoint(grid, facet.parallelogram, cell, s, t);
+        return use->transform(attributesAt(surface, facet, q.x, q.y).uv[static_cast<size_t>(use->set)]) *
+               Vec2(texture.width, texture.height);
+      };
+      const Vec2 origin = uvAt(0, 0);
+      texels = std::max({texels, glm::distance(origin, uvAt(1, 0)), glm::distance(origin, uvAt(0, 1))});
+    }
+    samples = static_cast<int>(std::clamp(std::ceil(texels), 2.0, 32.0));
+  } else if (varies) {
+    samples = facet.parallelogram ? 1 : 3;  // vertex colours are linear: the mean is the value at the centroid
+  }
+  Optics mean;
+  double weight = 0;
+  for (int j = 0; j < samples; ++j) {
+    for (int i = 0; i < samples; ++i) {
+      double s = (i + 0.5) / samples, t = (j + 0.5) / samples;
+      if (!facet.parallelogram && s + t > 1) {  // fold the square onto the triangle
+        s = 1 - s;
+        t = 1 - t;
+      }
+      const Vec2 uv = facet.parallelogram || samples > 1 ? cellPoint(grid, facet.parallelogram, cell, s, t)
+                                                         : cellPoint(grid, false, cell, 1.0 / 3, 1.0 / 3);
+      const Optics o = material.evaluate(scene.textures, attributesAt(surface, facet, uv.x, uv.y));
+      mean.diffuse += o.diffuse;
+      mean.specular += o.specular;
+      mean.transmission += o.transmission;
+      mean.emission += o.emission;
+      weight += 1;
+    }
+  }
+  mean.diffuse /= weight;
+  mean.specular /= weight;
+  mean.transmission /= weight;
+  mean.emission /= weight;
+  return mean;
+}
+
+}  // namespace
+
+uint32_t cellAt(const CellGrid& grid, bool parallelogram, double u, double v) {
+  const auto place = [](double x, uint32_t n) {
+    return static_cast<uint32_t>(std::clamp(std::floor(x * n), 0.0, static_cast<double>(n - 1)));
+  };
+  if (parallelogram) return place(v, grid.nv) * grid.nu + place(u, grid.nu);
+  const uint32_t n = grid.nu, row = place(v, n);
+  const uint32_t column = std::min(place(u, n), n - 1 - row);
+  const bool inverted = (u * n - column) + (v * n - row) > 1 && column + row + 1 < n;
+  return triangleRow(n, row) + 2 * column + (inverted ? 1 : 0);
+}
+
+Vec2 cellPoint(const CellGrid& grid, bool parallelogram, const Cell& cell, double s, double t) {
+  if (!parallelogram && cell.inverted) {  // the corner at (u+1, v+1), running back
+    s = 1 - s;
+    t = 1 - t;
+  }
+  return {(cell.u + s) / grid.nu, (cell.v + t) / grid.nv};
+}
+
+double cellArea(const FacetSet& facets, const CellGrid& grid, uint32_t facet) {
+  const Facet& f = facets.facets[facet];
+  return f.area * facets.frame.size * facets.frame.size / grid.count(f.parallelogram);
+}
+
+PatchSet buildPatches(const Scene& scene, const FacetSet& facets, const PatchOptions& options) {
+  std::vector<EdgeLengths> edges;
+  for (const Facet& f : facets.facets) edges.push_back(edgeLengths(facets, f));
+  const double size = options.size > 0 ? options.size / facets.frame.size
+                                       : sizeForCount(facets, edges, static_cast<double>(options.count));
+  constexpr double kMaxCells = 1u << 30;
+  if (const double count = countCells(facets, edges, size); count > kMaxCells) {
+    throw Error("{}: a patch size of {} would make {:.3g} patches; at most {:.3g} are possible", scene.path,
+                size * facets.frame.size, count, kMaxCells);
+  }
+  PatchSet set;
+  set.grids.resize(facets.facets.size());
+  for (size_t i = 0; i < edges.size(); ++i) {
+    set.grids[i].nu = static_cast<uint32_t>(cellsAlong(edges[i].u, size));
+    set.grids[i].nv = static_cast<uint32_t>(cellsAlong(edges[i].v, size));
+  }
+  addCells(set, facets, false);
+  set.frontPatchCount = set.cells.size();
+  addCells(set, facets, true);
+  std::vector<uint32_t> identity(set.cells.size());
+  for (uint32_t i = 0; i < identity.size(); ++i) identity[i] = i;
+  mapCells(set, scene, facets, std::move(identity));
+  return set;
+}
+
+void mapCells(PatchSet& set, const Scene& scene, const FacetSet& facets, std::vector<uint32_t> cellMap) {
+  set.cellMap = std::move(cellMap);
+  const uint32_t count = *std::max_element(set.cellMap.begin(), set.cellMap.end()) + 1;
+  set.patches.assign(count, Patch{});
+  set.firstCell.assign(count + 1, 0);
+  for (const uint32_t patch : set.cellMap) ++set.firstCell[patch + 1];
+  for (uint32_t p = 0; p < count; ++p) set.firstCell[p + 1] += set.firstCell[p];
+  set.patchCells.resize(set.cells.size());
+  std::vector<uint32_t> next(set.firstCell.begin(), set.firstCell.end() - 1);
+  set.frontPatchCount = 0;
+  for (uint32_t c = 0; c < set.cells.size(); ++c) {
+    const uint32_t p = set.cellMap[c];
+    set.patchCells[next[p]++] = c;
+    const Cell& cell = set.cells[c];
+    const Facet& facet = facets.facets[cell.facet];
+    const CellGrid& grid = set.grids[cell.facet];
+    Patch& patch = set.patches[p];
+    patch.surface = facet.surface;
+    patch.back = cell.back;
+    patch.normal = cell.back ? -facet.normal : facet.normal;
+    const double area = cellArea(facets, grid, cell.facet);
+    const Vec2 uv = facet.parallelogram ? cellPoint(grid, true, cell, 0.5, 0.5) : cellPoint(grid, false, cell, 1.0 / 3, 1.0 / 3);
+    const Optics optics = cellOptics(scene, facet, grid, cell);
+    if (maxChannel(optics.diffuse + optics.specular + optics.transmission) > 1 + 1e-9) {
+      throw Error("{}: surface '{}': reflectance {} is above 1", scene.path, scene.surfaces[facet.surface].name,
+                  maxChannel(optics.diffuse + optics.specular + optics.transmission));
+    }
+    patch.area += area;
+    patch.centre += area * facets.frame.toScene(facets.point(facet, uv.x, uv.y));
+    patch.reflectance += area * optics.diffuse;
+    patch.specular += area * (optics.specular + optics.transmission);
+    patch.emission += area * optics.emission;
+  }
+  for (Patch& patch : set.patches) {
+    patch.centre /= patch.area;
+    patch.reflectance /= patch.area;
+    patch.specular /= patch.area;
+    patch.emission /= patch.area;
+    if (!patch.back) ++set.frontPatchCount;
+  }
+}
+
+void keepPatches(PatchSet& set, const std::vector<uint32_t>& kept) {
+  std::vector<uint32_t> renumbered(set.size(), kNone), firstCell{0}, patchCells;
+  std::vector<Patch> patches;
+  set.frontPatchCount = 0;
+  for (const uint32_t p : kept) {
+    renumbered[p] = static_cast<uint32_t>(patches.size());
+    patches.push_back(set.patches[p]);
+    if (!set.patches[p].back) ++set.frontPatchCount;
+    const auto cells = set.cellsOf(p);
+    patchCells.insert(patchCells.end(), cells.begin(), cells.end());
+    firstCell.push_back(static_cast<uint32_t>(patchCells.size()));
+  }
+  for (uint32_t& p : set.cellMap) p = p == kNone ? kNone : renumbered[p];
+  set.patches = std::move(patches);
+  set.firstCell = std::move(firstCell);
+  set.patchCells = std::move(patchCells);
+}
+
+std::string surfaceNameOf(const Scene& scene, const Patch& patch) {
+  const std::string& name = scene.surfaces[patch.surface].name;
+  return patch.back ? name + "~back" : name;
+}
+
+}  // namespace farol

@@ -1,0 +1,89 @@
+// Patches: the elements of constant radiosity. A facet is divided into a grid of cells in (u,v); a cell
+// map sends each cell to its patch. Raster, rays and display all find the patch through cellAt and the map.
+#pragma once
+
+#include "patch/facets.h"
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace farol {
+
+inline constexpr uint32_t kNone = 0xFFFFFFFFu;
+
+// The grid of one facet. Parallelogram: nu x nv cells, number v * nu + u. Triangle: n * n cells with
+// n = nu = nv; row v holds 2 (n - v) - 1 of them, upright and inverted in turn.
+struct CellGrid {
+  uint32_t nu = 1, nv = 1;
+  uint32_t frontCell = 0;      // first cell of the front side
+  uint32_t backCell = kNone;  // first cell of the back side; kNone when the back is black
+
+  uint32_t count(bool parallelogram) const { return parallelogram ? nu * nv : nu * nu; }
+};
+
+// Where a cell lies: its facet, side, and place in the grid.
+struct Cell {
+  uint32_t facet = 0;
+  bool back = false;
+  uint32_t u = 0, v = 0;
+  bool inverted = false;  // triangles only
+};
+
+struct Patch {
+  uint32_t surface = 0;
+  bool back = false;  // the far side of a double-sided surface
+  Vec3 centre{0};     // area centroid [scene units]
+  Vec3 normal{0};     // unit vector on the side that emits
+  double area = 0;    // [scene units squared]
+  Rgb reflectance{0};  // rho, diffuse
+  Rgb specular{0};     // mirror reflectance + transmission: light that does not scatter
+  Rgb emission{0};     // exitance E [flux per area]
+
+  bool emits() const { return maxChannel(emission) > 0; }
+};
+
+struct PatchSet {
+  std::vector<CellGrid> grids;     // one per facet
+  std::vector<Cell> cells;         // all front cells, then all back cells
+  std::vector<uint32_t> cellMap;   // cell -> patch
+  std::vector<Patch> patches;
+  std::vector<uint32_t> firstCell;  // [patches + 1] start of each patch's cells in patchCells
+  std::vector<uint32_t> patchCells;
+  size_t frontPatchCount = 0;  // the front patches come first
+
+  size_t size() const { return patches.size(); }
+  std::span<const uint32_t> cellsOf(uint32_t patch) const {
+    return {patchCells.data() + firstCell[patch], firstCell[patch + 1] - firstCell[patch]};
+  }
+};
+
+struct PatchOptions {
+  size_t count = 4000;   // about so many patches over the front sides, when size is 0
+  double size = 0;       // longest cell edge [scene units]
+};
+
+// Throws Error when a reflectance exceeds 1 or the number of cells exceeds 2^31.
+PatchSet buildPatches(const Scene& scene, const FacetSet& facets, const PatchOptions& options);
+
+// Replaces the cell map: patch numbers must be 0..max without gaps, and the cells of a patch must lie on
+// one surface and side, in one plane.
+void mapCells(PatchSet& patches, const Scene& scene, const FacetSet& facets, std::vector<uint32_t> cellMap);
+
+// Removes all patches but these (ascending): the cells of the others map to kNone, as black backs do.
+void keepPatches(PatchSet& patches, const std::vector<uint32_t>& kept);
+
+// Number of the grid's cell at (u,v), clamped to the facet.
+uint32_t cellAt(const CellGrid& grid, bool parallelogram, double u, double v);
+
+// The (u,v) of the point (s,t) of a cell: s,t in [0,1]^2 for a parallelogram's cell; for a triangle's cell
+// s,t >= 0, s + t <= 1.
+Vec2 cellPoint(const CellGrid& grid, bool parallelogram, const Cell& cell, double s, double t);
+
+// Area of one cell of a facet [scene units squared].
+double cellArea(const FacetSet& facets, const CellGrid& grid, uint32_t facet);
+
+// Name of a patch's surface, with "~back" for the far side.
+std::string surfaceNameOf(const Scene& scene, const Patch& patch);
+
+}  // namespace farol

@@ -1,0 +1,89 @@
+#include "patch/positions.h"
+
+namespace farol {
+namespace {
+
+// Point (s,t) of a cell in unit coordinates. For triangles the square is folded onto s + t <= 1.
+Vec3 pointOf(const FacetSet& facets, const PatchSet& patches, const Cell& cell, double s, double t) {
+  const Facet& facet = facets.facets[cell.facet];
+  if (!facet.parallelogram && s + t > 1) {
+    s = 1 - s;
+    t = 1 - t;
+  }
+  const Vec2 uv = cellPoint(patches.grids[cell.facet], facet.parallelogram, cell, s, t);
+  return facets.point(facet, uv.x, uv.y);
+}
+
+std::vector<Position> gaussPositions(const FacetSet& facets, const PatchSet& patches, const Cell& cell, int n) {
+  const GaussRule rule = gaussLegendre(n);
+  const bool triangle = !facets.facets[cell.facet].parallelogram;
+  std::vector<Position> result;
+  for (size_t j = 0; j < rule.nodes.size(); ++j) {
+    for (size_t i = 0; i < rule.nodes.size(); ++i) {
+      double s = rule.nodes[i], weight = rule.weights[i] * rule.weights[j];
+      const double t = rule.nodes[j];
+      if (triangle) {  // collapse the side t = 1 to a point; the Jacobian is 2 (1 - t) per unit of area
+        s *= 1 - t;
+        weight *= 2 * (1 - t);
+      }
+      result.push_back({pointOf(facets, patches, cell, s, t), weight});
+    }
+  }
+  return result;
+}
+
+}  // namespace
+
+GaussRule gaussLegendre(int n) {
+  GaussRule rule;
+  for (int i = 0; i < n; ++i) {
+    // Newton's method on the Legendre polynomial from Tricomi's estimate of its i-th root.
+    double x = std::cos(kPi * (i + 0.75) / (n + 0.5)), slope = 1;
+    for (int step = 0; step < 20; ++step) {
+      double p = 1, previous = 0;
+      for (int k = 0; k < n; ++k) {
+        const double next = ((2 * k + 1) * x * p - k * previous) / (k + 1);
+        previous = p;
+        p = next;
+      }
+      slope = n * (x * p - previous) / (x * x - 1);
+      x -= p / slope;
+    }
+    rule.nodes.push_back(0.5 * (1 - x));
+    rule.weights.push_back(1 / ((1 - x * x) * slope * slope));
+  }
+  return rule;
+}
+
+std::vector<Position> positionsOn(const FacetSet& facets, const PatchSet& patches, uint32_t patch, int count,
+                                  uint64_t seed) {
+  const auto cells = patches.cellsOf(patch);
+  if (cells.size() == 1) {
+    const Cell& cell = patches.cells[cells[0]];
+    const double third = facets.facets[cell.facet].parallelogram ? 0.5 : 1.0 / 3;
+    if (count == 1) return {{pointOf(facets, patches, cell, third, third), 1.0}};
+    const int root = static_cast<int>(std::lround(std::sqrt(count)));
+    if (root * root == count) return gaussPositions(facets, patches, cell, root);
+  }
+  double total = 0;
+  for (const uint32_t c : cells) total += cellArea(facets, patches.grids[patches.cells[c].facet], patches.cells[c].facet);
+  constexpr double kPlastic = 1.32471795724474602596;  // root of x^3 = x + 1
+  const double shiftS = unitFromBits(mixBits(seed)), shiftT = unitFromBits(mixBits(seed + 1));
+  std::vector<Position> result;
+  size_t at = 0;
+  double before = 0;  // area of the cells before `at`
+  for (int k = 0; k < count; ++k) {
+    const double area = (k + 0.5) / count * total;
+    const auto areaOf = [&](size_t i) {
+      const uint32_t facet = patches.cells[cells[i]].facet;
+      return cellArea(facets, patches.grids[facet], facet);
+    };
+    while (at + 1 < cells.size() && before + areaOf(at) < area) before += areaOf(at++);
+    const double s = std::fmod(shiftS + (k + 1) / kPlastic, 1.0);
+    const double t = std::fmod(shiftT + (k + 1) / (kPlastic * kPlastic), 1.0);
+    result.push_back({pointOf(facets, patches, patches.cells[cells[at]], s, t), 1.0 / count});
+  }
+  return result;
+}
+
+}  // namespace farol

@@ -1,0 +1,224 @@
+#include "solve/node_irradiance.h"
+
+#include "base/point_welder.h"
+
+#include <glm/vector_relational.hpp>
+
+#include <algorithm>
+
+namespace farol {
+namespace {
+
+// Normals at a point within this cosine are one smooth surface (8 degrees), provided that the facets
+// themselves do not fold by more than 60 degrees.
+constexpr double kSmoothNormal = 0.99, kSmoothFold = 0.5;
+
+// Number of the node (i,j) of a grid.
+uint32_t nodeNumber(const CellGrid& g, bool parallelogram, uint32_t i, uint32_t j) {
+  if (parallelogram) return j * (g.nu + 1) + i;
+  return j * (g.nu + 1) - j * (j - 1) / 2 + i;  // rows of n+1, n, n-1, ... nodes; j (j - 1) is 0 for j = 0
+}
+
+struct Sum {
+  Rgb value{0};
+  double weight = 0;
+};
+
+class Builder {
+ public:
+  Builder(const Scene& scene, const FacetSet& facets, const PatchSet& patches, const FormFactorMatrix* f,
+          const std::vector<Rgb>& irradiance)
+      : scene_(scene), facets_(facets), patches_(patches), f_(f), irradiance_(irradiance), welder_(kWeldTolerance) {}
+
+  void run(std::vector<uint32_t>& firstNode, std::vector<Rgb>& values) {
+    groupByPlane();
+    firstNode.assign(2 * facets_.facets.size(), kNone);
+    std::vector<uint32_t> clusterOf;
+    for (uint32_t side = 0; side < firstNode.size(); ++side) {
+      const uint32_t facet = side / 2;
+      const bool back = side % 2 == 1;
+      if (!hasPatches(facet, back)) continue;
+      firstNode[side] = static_cast<uint32_t>(clusterOf.size());
+      addNodes(facet, back, clusterOf);
+    }
+    for (const uint32_t cluster : clusterOf) {
+      const Sum& s = clusters_[cluster].sum;
+      values.push_back(s.weight > 0 ? s.value / s.weight : Rgb(0));
+    }
+  }
+
+ private:
+  struct Cluster {
+    Vec3 shading, geometric;
+    Sum sum;
+    uint32_t next = kNone;  // another cluster at the same point
+  };
+
+  bool hasPatches(uint32_t facet, bool back) const {
+    const CellGrid& g = patches_.grids[facet];
+    const uint32_t first = back ? g.backCell : g.frontCell;
+    return first != kNone && patches_.cellMap[first] != kNone;
+  }
+
+  void addNodes(uint32_t facet, bool back, std::vector<uint32_t>& clusterOf) {
+    const Facet& f = facets_.facets[facet];
+    const CellGrid& g = patches_.grids[facet];
+    for (uint32_t j = 0; j <= g.nv; ++j) {
+      const uint32_t width = f.parallelogram ? g.nu : g.nu - j;
+      for (uint32_t i = 0; i <= width; ++i) {
+        const double u = static_cast<double>(i) / g.nu, v = static_cast<double>(j) / g.nv;
+        const Vec3 p = facets_.point(f, u, v);
+        const double sign = back ? -1 : 1;
+        const uint32_t cluster = clusterAt(p, sign * shadingNormal(f, u, v), sign * f.normal);
+        Sum& sum = clusters_[cluster].sum;
+        addCells(facet, back, u, v, sum);
+        const bool border = i == 0 || j == 0 || i == width || (f.parallelogram && j == g.nv);
+        if (border) addAcrossBorder(facet, back, p, sum);
+        clusterOf.push_back(cluster);
+      }
+    }
+  }
+
+  Vec3 shadingNormal(const Facet& f, double u, double v) const {
+    const Surface& s = scene_.surfaces[f.surface];
+    if (s.normals.empty()) return f.normal;
+    const Vec3 &o = s.normals[f.vertices[0]], &a = s.normals[f.vertices[1]], &b = s.normals[f.vertices[f.parallelogram ? 3 : 2]];
+    const Vec3 n = o + u * (a - o) + v * (b - o);
+    const double length = glm::length(n);
+    return length > 0 && glm::dot(n, f.normal) > 0 ? n / length : f.normal;
+  }
+
+  uint32_t clusterAt(const Vec3& p, const Vec3& shading, const Vec3& geometric) {
+    const uint32_t point = welder_.add(p);
+    if (point == firstCluster_.size()) firstCluster_.push_back(kNone);
+    for (uint32_t c = firstCluster_[point]; c != kNone; c = clusters_[c].next) {
+      if (glm::dot(clusters_[c].shading, shading) > kSmoothNormal && glm::dot(clusters_[c].geometric, geometric) > kSmoothFold) return c;
+    }
+    clusters_.push_back({shading, geometric, {}, firstCluster_[point]});
+    firstCluster_[point] = static_cast<uint32_t>(clusters_.size() - 1);
+    return firstCluster_[point];
+  }
+
+  // Adds the cells of a facet that touch (u,v): those a hair away in the four diagonal directions.
+  void addCells(uint32_t facet, bool back, double u, double v, Sum& sum) const {
+    const Facet& f = facets_.facets[facet];
+    const CellGrid& g = patches_.grids[facet];
+    const double du = 0.01 / g.nu, dv = 0.01 / g.nv;
+    // The six directions reach every cell around a node of a triangle's grid, too.
+    const Vec2 steps[6] = {{du, 0.5 * dv}, {0.5 * du, dv}, {-0.5 * du, dv}, {-du, -0.5 * dv}, {-0.5 * du, -dv}, {du, -0.5 * dv}};
+    uint32_t seen[6];
+    size_t count = 0;
+    for (const Vec2& step : steps) {
+      const double su = u + step.x, sv = v + step.y;
+      if (su < 0 || sv < 0 || (f.parallelogram ? su > 1 || sv > 1 : su + sv > 1)) continue;
+      const uint32_t cell = cellAt(g, f.parallelogram, su, sv);
+      if (std::find(seen, seen + count, cell) != seen + count) continue;
+      seen[count++] = cell;
+      const uint32_t patch = patches_.cellMap[(back ? g.backCell : g.frontCell) + cell];
+      // Patches that lie inside a solid have no irradiance to show.
+      const double exposed = f_ != nullptr ? f_->shares(patch).exposed : 1;
+      sum.value += exposed * irradiance_[patch];
+      sum.weight += exposed;
+    }
+  }
+
+  void groupByPlane() {
+    // normal * (offset + 2) tells planes apart: its direction is the normal, its length the offset, which is
+    // within 1 of 0 for a scene of unit size.
+    PointWelder planes(1e-4);
+    planeOf_.resize(facets_.facets.size());
+    for (uint32_t i = 0; i < facets_.facets.size(); ++i) {
+      const Facet& f = facets_.facets[i];
+      const double offset = glm::dot(f.normal, facets_.points[f.corners[0]]);
+      planeOf_[i] = planes.add(f.normal * (offset + 2));
+      if (planeOf_[i] == inPlane_.size()) inPlane_.emplace_back();
+      Box box{i, Vec3(1e300), Vec3(-1e300)};
+      for (size_t k = 0; k < f.cornerCount(); ++k) {
+        box.low = glm::min(box.low, facets_.points[f.corners[k]] - Vec3(kWeldTolerance));
+        box.high = glm::max(box.high, facets_.points[f.corners[k]] + Vec3(kWeldTolerance));
+      }
+      inPlane_[planeOf_[i]].boxes.push_back(box);
+    }
+    for (Plane& plane : inPlane_) {
+      std::sort(plane.boxes.begin(), plane.boxes.end(), [](const Box& a, const Box& b) { return a.low.x + a.low.y + a.low.z < b.low.x + b.low.y + b.low.z; });
+      for (const Box& b : plane.boxes) plane.longest = std::max(plane.longest, b.high.x + b.high.y + b.high.z - b.low.x - b.low.y - b.low.z);
+    }
+  }
+
+  // Where a neighbour in the same plane has no node of its own at p (its grid is coarser, or its edge longer),
+  // its cells that touch p join the mean, so that no seam shows along the border.
+  void addAcrossBorder(uint32_t facet, bool back, const Vec3& p, Sum& sum) const {
+    const Plane& plane = inPlane_[planeOf_[facet]];
+    if (plane.boxes.size() < 2) return;
+    const double at = p.x + p.y + p.z;
+    auto box = std::lower_bound(plane.boxes.begin(), plane.boxes.end(), at - plane.longest,
+                                [](const Box& b, double value) { return b.low.x + b.low.y + b.low.z < value; });
+    for (; box != plane.boxes.end() && box->low.x + box->low.y + box->low.z <= at; ++box) {
+      if (box->facet == facet || !hasPatches(box->facet, back)) continue;
+      if (glm::any(glm::lessThan(p, box->low)) || glm::any(glm::greaterThan(p, box->high))) continue;
+      const Vec2 uv = coordinatesOf(facets_.facets[box->facet], p);
+      const CellGrid& g = patches_.grids[box->facet];
+      const double nodeU = uv.x * g.nu - std::round(uv.x * g.nu), nodeV = uv.y * g.nv - std::round(uv.y * g.nv);
+      if (std::abs(nodeU) < 1e-3 && std::abs(nodeV) < 1e-3) continue;  // it has a node here: shared already
+      addCells(box->facet, back, uv.x, uv.y, sum);
+    }
+  }
+
+  // (u,v) of a point in the facet's plane.
+  Vec2 coordinatesOf(const Facet& f, const Vec3& p) const {
+    const Vec3& o = facets_.points[f.corners[0]];
+    const Vec3 a = facets_.points[f.corners[1]] - o, b = facets_.points[f.vCorner()] - o, d = p - o;
+    const double aa = glm::dot(a, a), ab = glm::dot(a, b), bb = glm::dot(b, b), da = glm::dot(d, a), db = glm::dot(d, b);
+    const double det = aa * bb - ab * ab;
+    return {(da * bb - db * ab) / det, (db * aa - da * ab) / det};
+  }
+
+  struct Box {
+    uint32_t facet;
+    Vec3 low, high;
+  };
+  struct Plane {
+    std::vector<Box> boxes;
+    double longest = 0;
+  };
+
+  const Scene& scene_;
+  const FacetSet& facets_;
+  const PatchSet& patches_;
+  const FormFactorMatrix* f_;
+  const std::vector<Rgb>& irradiance_;
+  PointWelder welder_;
+  std::vector<uint32_t> firstCluster_;  // per welded point
+  std::vector<Cluster> clusters_;
+  std::vector<uint32_t> planeOf_;  // per facet
+  std::vector<Plane> inPlane_;
+};
+
+}  // namespace
+
+NodeIrradiance::NodeIrradiance(const Scene& scene, const FacetSet& facets, const PatchSet& patches, const FormFactorMatrix* f,
+                               const std::vector<Rgb>& irradiance)
+    : facets_(facets), patches_(patches) {
+  Builder(scene, facets, patches, f, irradiance).run(firstNode_, values_);
+}
+
+Rgb NodeIrradiance::at(uint32_t facet, bool back, double u, double v) const {
+  const bool parallelogram = facets_.facets[facet].parallelogram;
+  const CellGrid& g = patches_.grids[facet];
+  const uint32_t first = firstNode_[2 * facet + (back ? 1 : 0)];
+  const auto node = [&](uint32_t i, uint32_t j) -> const Rgb& { return values_[first + nodeNumber(g, parallelogram, i, j)]; };
+  const double x = std::clamp(u, 0.0, 1.0) * g.nu, y = std::clamp(v, 0.0, 1.0) * g.nv;
+  const uint32_t j = std::min(static_cast<uint32_t>(y), g.nv - 1);
+  if (parallelogram) {
+    const uint32_t i = std::min(static_cast<uint32_t>(x), g.nu - 1);
+    const double s = x - i, t = y - j;
+    return (1 - t) * ((1 - s) * node(i, j) + s * node(i + 1, j)) + t * ((1 - s) * node(i, j + 1) + s * node(i + 1, j + 1));
+  }
+  const uint32_t i = std::min(static_cast<uint32_t>(x), g.nu - 1 - j);
+  const double s = x - i, t = y - j;
+  if (s + t <= 1 || i + j + 1 >= g.nu) return node(i, j) + s * (node(i + 1, j) - node(i, j)) + t * (node(i, j + 1) - node(i, j));
+  const Rgb& far = node(i + 1, j + 1);
+  return far + (1 - s) * (node(i, j + 1) - far) + (1 - t) * (node(i + 1, j) - far);
+}
+
+}  // namespace farol

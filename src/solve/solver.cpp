@@ -1,0 +1,219 @@
+#include "solve/solver.h"
+
+#include "base/error.h"
+
+#include <Eigen/Core>
+#include <tbb/parallel_for.h>
+
+namespace farol {
+namespace {
+
+// N x 3, a column per channel: the three systems are advanced together and share every load of F.
+using Channels = Eigen::Matrix<double, Eigen::Dynamic, 3>;
+
+class System {
+ public:
+  System(const FormFactorMatrix& f, const PatchSet& patches, const Rgb& sky) : f_(f) {
+    const auto n = static_cast<Eigen::Index>(patches.size());
+    emission = Channels::Zero(n, 3);
+    reflectance = Channels::Zero(n, 3);
+    source = Channels::Zero(n, 3);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const Patch& p = patches.patches[static_cast<size_t>(i)];
+      const RowShares& shares = f.shares(static_cast<size_t>(i));
+      for (int c = 0; c < 3; ++c) {
+        emission(i, c) = p.emission[c];
+        reflectance(i, c) = p.reflectance[c];
+        source(i, c) = shares.missed * sky[c];  // irradiance from the sky
+      }
+      if (maxChannel(p.reflectance) > 0) reflecting.push_back(static_cast<size_t>(i));
+    }
+    radiosity = emission + reflectance.cwiseProduct(source);
+  }
+
+  // sum_j F_ij B_j for three channels.
+  Eigen::RowVector3d gather(size_t i, const Channels& b) const {
+    const std::span<const float> row = f_[i];
+    if (row.empty()) return Eigen::RowVector3d::Zero();
+    const Eigen::Map<const Eigen::RowVectorXf> values(row.data(), static_cast<Eigen::Index>(row.size()));
+    return values.cast<double>() * b;
+  }
+
+  // What patch i's radiosity should be, given the others.
+  Eigen::RowVector3d updated(size_t i, const Channels& b) const {
+    const auto k = static_cast<Eigen::Index>(i);
+    return emission.row(k) + reflectance.row(k).cwiseProduct(source.row(k) + gather(i, b));
+  }
+
+  double rowSum(size_t i) const { return f_.rowSum(i); }
+
+  Channels emission, reflectance, source, radiosity;
+  // Black patches have B = E: they stay out of the iteration.
+  std::vector<size_t> reflecting;
+
+ private:
+  const FormFactorMatrix& f_;
+};
+
+// E + rho (source + F b) - b over the reflecting patches; zero elsewhere.
+Channels residualOf(const System& s, const Channels& b) {
+  Channels r = Channels::Zero(b.rows(), 3);
+  tbb::parallel_for(size_t{0}, s.reflecting.size(), [&](size_t k) {
+    const size_t i = s.reflecting[k];
+    r.row(static_cast<Eigen::Index>(i)) = s.updated(i, b) - b.row(static_cast<Eigen::Index>(i));
+  });
+  return r;
+}
+
+// rho F v: one Jacobi sweep applied to a difference.
+Channels reflectOnce(const System& s, const Channels& v) {
+  Channels out = Channels::Zero(v.rows(), 3);
+  tbb::parallel_for(size_t{0}, s.reflecting.size(), [&](size_t k) {
+    const auto i = static_cast<Eigen::Index>(s.reflecting[k]);
+    out.row(i) = s.reflectance.row(i).cwiseProduct(s.gather(s.reflecting[k], v));
+  });
+  return out;
+}
+
+double largest(const Channels& v) { return v.size() > 0 ? v.cwiseAbs().maxCoeff() : 0.0; }
+
+// One sweep in place; returns the largest change.
+double sweepGaussSeidel(const System& s, Channels& b) {
+  double change = 0;
+  for (const size_t i : s.reflecting) {
+    const auto k = static_cast<Eigen::Index>(i);
+    const Eigen::RowVector3d next = s.updated(i, b);
+    change = std::max(change, (next - b.row(k)).cwiseAbs().maxCoeff());
+    b.row(k) = next;
+  }
+  return change;
+}
+
+double sweepJacobi(const System& s, Channels& b) {
+  const Channels r = residualOf(s, b);  // the change of a Jacobi sweep is the residual before it
+  b += r;
+  return largest(r);
+}
+
+// Radiosity that errors are measured against: the mean of the brightest channel over patches that do not emit,
+// or over all patches when every patch emits.
+double referenceRadiosity(const PatchSet& patches, const Channels& b) {
+  Eigen::RowVector3d others = Eigen::RowVector3d::Zero(), all = others;
+  double otherArea = 0, allArea = 0;
+  for (size_t i = 0; i < patches.size(); ++i) {
+    const Patch& p = patches.patches[i];
+    const Eigen::RowVector3d flux = p.area * b.row(static_cast<Eigen::Index>(i));
+    all += flux;
+    allArea += p.area;
+    if (p.emits()) continue;
+    others += flux;
+    otherArea += p.area;
+  }
+  const double fromOthers = otherArea > 0 ? others.maxCoeff() / otherArea : 0;
+  return fromOthers > 0 ? fromOthers : all.maxCoeff() / allArea;
+}
+
+// A patch from which light can reach no absorber, no black back and no opening keeps it for ever. Light
+// that is made there has no steady state. `drained` grows from every absorber along the rows of F.
+void requireSteadyState(const FormFactorMatrix& f, const PatchSet& patches, const Scene& scene, const Rgb& sky) {
+  for (int c = 0; c < 3; ++c) {
+    std::vector<size_t> undrained;
+    std::vector<bool> drained(patches.size(), false);
+    for (size_t i = 0; i < patches.size(); ++i) {
+      const RowShares& s = f.shares(i);
+      drained[i] = patches.patches[i].reflectance[c] < 1 || s.missed > 0 || s.backs > 0 || s.exposed == 0;
+      if (!drained[i]) undrained.push_back(i);
+    }
+    for (bool changed = !undrained.empty(); changed;) {
+      changed = false;
+      std::vector<size_t> left;
+      for (const size_t i : undrained) {
+        const auto row = f[i];
+        for (size_t j = 0; j < row.size() && !drained[i]; ++j) drained[i] = row[j] > 0 && drained[j];
+        if (drained[i]) changed = true;
+        else left.push_back(i);
+      }
+      undrained = std::move(left);
+    }
+    for (const size_t i : undrained) {
+      if (patches.patches[i].emission[c] > 0 || sky[c] * f.shares(i).missed > 0) {
+        throw Error("{}: surface '{}', {} channel: light is emitted into a closed space that absorbs none "
+                    "(reflectance 1 all around), so there is no steady state",
+                    scene.path, surfaceNameOf(scene, patches.patches[i]), c == 0 ? "red" : c == 1 ? "green" : "blue");
+      }
+    }
+  }
+}
+
+}  // namespace
+
+Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, const Scene& scene, const SolveOptions& options,
+                        const Log& log) {
+  requireSteadyState(f, patches, scene, options.sky);
+  System system(f, patches, options.sky);
+  Channels& b = system.radiosity;
+  Solution result;
+  Progress progress(log, "solve", "sweeps", options.maxSweeps);
+
+  double bound = 0;  // no operator norm exceeds this
+  for (const size_t i : system.reflecting) bound = std::max(bound, maxChannel(patches.patches[i].reflectance) * system.rowSum(i));
+
+  Channels r = residualOf(system, b);
+  result.residual = largest(r);
+  const double firstResidual = result.residual;
+  double patience = 1;  // the true residual is looked at when a sweep's change suggests that it is small enough
+  result.converged = firstResidual == 0;
+  while (!result.converged && result.sweeps < options.maxSweeps) {
+    const double change = options.kind == SolverKind::gaussSeidel ? sweepGaussSeidel(system, b) : sweepJacobi(system, b);
+    progress.update(++result.sweeps);
+    const double reference = referenceRadiosity(patches, b);
+    const bool lastSweep = result.sweeps == options.maxSweeps;
+    if (!std::isfinite(change) || change > 1e3 * firstResidual) {
+      throw Error("{}: the solution diverges: after {} sweeps a sweep changes radiosity by {:.3g}, the first residual was {:.3g}; "
+                  "reflectance times row sum reaches {:.6f}", scene.path, result.sweeps, change, firstResidual, bound);
+    }
+    if (change > patience * options.residual * reference && !lastSweep) continue;
+
+    r = residualOf(system, b);
+    result.residual = largest(r);
+    // One more sweep on the residual shows how much a sweep still takes off the slowest part.
+    const double next = largest(reflectOnce(system, r));
+    result.contraction = result.residual > 0 ? std::min(next / result.residual, bound) : 0;
+    const double room = 1 - result.contraction;
+    result.error = reference > 0 && room > 0 ? result.residual / room / reference : result.residual > 0 ? 1e300 : 0;
+    result.converged = result.error <= options.residual;
+    // Ask again when the change has fallen by what is still missing, but after a few sweeps at the latest.
+    patience *= std::clamp(0.9 * options.residual / std::max(result.error, 1e-300), 1e-3, 0.5);
+  }
+
+  result.radiosity.resize(patches.size());
+  result.irradiance.resize(patches.size());
+  tbb::parallel_for(size_t{0}, patches.size(), [&](size_t i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    const Eigen::RowVector3d h = system.source.row(k) + system.gather(i, b);
+    result.irradiance[i] = {h[0], h[1], h[2]};
+    result.radiosity[i] = {b(k, 0), b(k, 1), b(k, 2)};
+  });
+  return result;
+}
+
+EnergyBalance energyBalance(const FormFactorMatrix& f, const PatchSet& patches, const Solution& solution, const Rgb& sky) {
+  EnergyBalance e;
+  for (size_t i = 0; i < patches.size(); ++i) {
+    const Patch& p = patches.patches[i];
+    const RowShares& s = f.shares(i);
+    const double area = p.area * s.exposed;
+    e.emitted += area * p.emission;
+    e.fromSky += area * s.missed * sky;
+    e.absorbed += area * (Rgb(1) - p.reflectance) * solution.irradiance[i];
+    e.toOpen += area * s.missed * solution.radiosity[i];
+    e.toBacks += area * s.backs * solution.radiosity[i];
+  }
+  for (int c = 0; c < 3; ++c) {
+    const double in = e.emitted[c] + e.fromSky[c];
+    if (in > 0) e.relativeError = std::max(e.relativeError, std::abs(e.absorbed[c] + e.toOpen[c] + e.toBacks[c] - in) / in);
+  }
+  return e;
+}
+
+}  // namespace farol

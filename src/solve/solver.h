@@ -1,0 +1,51 @@
+// The radiosity system B = E + rho H, H = F B (+ sky), three channels with one F.
+#pragma once
+
+#include "formfactor/form_factors.h"
+
+#include <string>
+#include <vector>
+
+namespace farol {
+
+enum class SolverKind { gaussSeidel, jacobi };
+
+struct SolveOptions {
+  SolverKind kind = SolverKind::gaussSeidel;
+  // Stop when the error that the residual bounds, max|r| / (1 - contraction), is below this share of the
+  // area-weighted mean radiosity of the non-emitting patches.
+  double residual = 1e-5;
+  size_t maxSweeps = 100000;
+  Rgb sky{0};  // uniform radiosity seen wherever a row misses the scene
+};
+
+struct Solution {
+  std::vector<Rgb> radiosity;   // B [flux per area], one per patch
+  std::vector<Rgb> irradiance;  // H = sum_j F_ij B_j + missed_i sky [flux per area]
+
+  bool converged = true;
+  size_t sweeps = 0;
+  double residual = 0;     // max|E - B + rho H| over patches and channels [flux per area]
+  double contraction = 0;  // estimated factor by which a Jacobi sweep reduces the residual
+  double error = 0;        // residual / (1 - contraction) over the mean radiosity of non-emitters
+};
+
+// B and the residual are in double. Throws Error when the scene has no steady state: a closed part that
+// receives light and absorbs none (naming a surface and channel), or a residual that grows. Not converging
+// within maxSweeps is an answer, not an error.
+Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, const Scene& scene, const SolveOptions& options,
+                        const Log& log);
+
+// Power in and out of the scene, per channel [flux]; for a converged solution of a reciprocal F,
+// emitted + fromSky = absorbed + toOpen + toBacks.
+struct EnergyBalance {
+  Rgb emitted{0}, fromSky{0}, absorbed{0}, toOpen{0}, toBacks{0};
+  double relativeError = 0;  // worst channel, relative to the power that comes in
+};
+EnergyBalance energyBalance(const FormFactorMatrix& f, const PatchSet& patches, const Solution& solution, const Rgb& sky);
+
+// Direct light only, from the centre of each emitting patch as if it were a point, nothing in between and no
+// interreflection: the local illumination that radiosity is compared with (Figure 2.1 of the thesis).
+Solution localIllumination(const PatchSet& patches, const Rgb& sky);
+
+}  // namespace farol
