@@ -9,13 +9,14 @@
 #include "shared/interface.h"
 
 layout(push_constant) uniform Push { ItemPush push; };
+layout(std430, set = 0, binding = kBindingFacets) readonly buffer Facets { FacetRecord facets[]; };
 layout(std430, set = 0, binding = kBindingFrames) readonly buffer Frames { HemicubeFrame frames[]; };
 
 layout(location = 0) in vec3 position;  // [unit coordinates]
 layout(location = 1) in uint corner;    // 4 * facet + corner number
 
-layout(location = 0) out vec2 uv;
-layout(location = 1) flat out uint facet;
+layout(location = 0) out vec2 grid;         // (u,v) times the number of cells
+layout(location = 1) flat out uvec4 facet;  // the FacetRecord, fetched here and not once per pixel
 
 invariant gl_Position;  // shared vertices land on the same pixel: no cracks
 
@@ -31,8 +32,9 @@ void main() {
                      dot(push.up.xyz, p) * push.up.w + push.shift.y * depth,
                      push.forward.w, depth);  // reversed z: near / depth, infinite far plane
   const uint k = corner & 3u;
-  facet = corner >> 2;
-  uv = vec2(k == 1u || k == 2u ? 1.0 : 0.0, k >= 2u ? 1.0 : 0.0);  // a triangle has corners 0, 1, 3
+  const FacetRecord f = facets[corner >> 2];
+  facet = uvec4(f.frontCell, f.backCell, f.nu, f.nv);
+  grid = vec2(f.nu, f.nv != 0u ? f.nv : f.nu) * vec2(k == 1u || k == 2u ? 1.0 : 0.0, k >= 2u ? 1.0 : 0.0);  // a triangle has corners 0, 1, 3
 #ifdef LAYERED
   gl_Layer = int(gl_InstanceIndex);
 #endif

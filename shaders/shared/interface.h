@@ -15,27 +15,28 @@ struct vec4 {
 #define FAROL_CONST const uint
 #endif
 
-// Bindings of the item-buffer pipelines (hemicube and view), set 0.
-FAROL_CONST kBindingFacets = 0;    // FacetRecord [facets]
-FAROL_CONST kBindingCellMap = 1;   // uint [cells], cell -> patch
-FAROL_CONST kBindingFrames = 2;    // HemicubeFrame [layers]
-FAROL_CONST kItemBindingCount = 3;
+// Bindings of the item-buffer pipeline, set 0.
+FAROL_CONST kBindingFacets = 0;  // FacetRecord [facets]
+FAROL_CONST kBindingFrames = 1;  // HemicubeFrame [layers]
+FAROL_CONST kItemBindingCount = 2;
 
 // Bindings of the reduction, set 0.
-FAROL_CONST kBindingItems = 0;         // uint [layers x pixels], patch or bin seen by each pixel
+FAROL_CONST kBindingItems = 0;         // uint [layers x pixels], item seen by each pixel
 FAROL_CONST kBindingDeltaFactors = 1;  // uint [pixels], delta form factors that sum to 2^32 - 1
-FAROL_CONST kBindingRows = 2;          // uint [layers x bins], sums per patch or bin
-FAROL_CONST kReduceBindingCount = 3;
+FAROL_CONST kBindingItemBins = 2;      // uint [cells + 2], item -> bin: the cell map, then the bins of the two below
+FAROL_CONST kBindingRows = 3;          // uint [layers x bins], sums per bin: patches, nothing seen, black backs
+FAROL_CONST kReduceBindingCount = 4;
 
 FAROL_CONST kReduceGroupSize = 64;      // lanes per workgroup
 FAROL_CONST kReducePixelsPerLane = 16;  // consecutive pixels that one lane walks as runs
 
 FAROL_CONST kNoCell = 0xFFFFFFFFu;  // FacetRecord::backCell of a facet whose back is black
+// Items: a cell's number; the number of cells for nothing seen; one more for a black back.
 FAROL_CONST kBackBit = 0x80000000u;  // set in the view's facet ids where a back side is seen
 
 // A facet as the fragment shader needs it (16 bytes).
 struct FacetRecord {
-  uint frontCell;  // first cell of the front side in the cell map
+  uint frontCell;  // first cell of the front side
   uint backCell;   // first cell of the back side, or kNoCell
   uint nu;         // cells along u; a triangle's rows
   uint nv;         // cells along v; 0 marks a triangle
@@ -57,7 +58,7 @@ struct ItemPush {
   vec4 forward;  // w: near distance [unit coordinates]
   vec4 shift;    // x, y: shifts; z: heights below this are 0; w unused
   uint layer;    // frame of instance 0
-  uint backBin;  // written where a black back is seen
+  uint backItem;  // written where a black back is seen
   uint pad0;
   uint pad1;
 };

@@ -6,6 +6,7 @@
 #include "shaders/hemicube.frag.h"
 #include "shaders/hemicube.vert.LAYERED.h"
 #include "shaders/hemicube.vert.h"
+#include "shaders/hemicube_reduce.comp.MAPPED.h"
 #include "shaders/hemicube_reduce.comp.h"
 
 #include <tbb/enumerable_thread_specific.h>
@@ -24,6 +25,7 @@ using shader::vec4;
 constexpr float kNear = 1e-6f;
 constexpr float kOwnPlane = 4e-7f;  // float32 rounding of point and frame, both at most 0.5 from the centre
 constexpr double kFullHemisphere = 4294967295.0;  // 2^32 - 1, the sum of all delta form factors
+constexpr uint32_t kAllBacks = 0xFFFFFFFFu;       // a position that sees nothing but black backs lies inside a solid
 
 vec4 toVec4(const Vec3& v, double w = 0) {
   return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z), static_cast<float>(w)};
@@ -36,6 +38,24 @@ std::vector<shader::FacetRecord> facetRecords(const FacetSet& facets, const Patc
     records.push_back({g.frontCell, g.backCell, g.nu, facets.facets[i].parallelogram ? g.nv : 0});
   }
   return records;
+}
+
+// Bin of every item: its cell's patch; then the bins for nothing seen and for black backs, where cells without a
+// patch go as well.
+std::vector<uint32_t> itemBins(const PatchSet& patches) {
+  const auto count = static_cast<uint32_t>(patches.size());
+  std::vector<uint32_t> bins;
+  bins.reserve(patches.cellMap.size() + 2);
+  for (const uint32_t patch : patches.cellMap) bins.push_back(patch == kNone ? count + 1 : patch);
+  bins.insert(bins.end(), {count, count + 1});
+  return bins;
+}
+
+bool isIdentity(const PatchSet& patches) {
+  for (uint32_t c = 0; c < patches.cellMap.size(); ++c) {
+    if (patches.cellMap[c] != c) return false;
+  }
+  return true;
 }
 
 struct Hemicube {
@@ -64,7 +84,7 @@ struct Accumulator {
 
   void add(const uint32_t* counts, double weight) {
     const size_t bins = sums.size();
-    if (counts[bins - 1] == 0xFFFFFFFFu) return;  // nothing but backs around: inside a solid
+    if (counts[bins - 1] == kAllBacks) return;
     exposed += weight;
     for (size_t j = 0; j < bins; ++j) sums[j] += weight * counts[j];
   }
@@ -120,19 +140,19 @@ struct RasterRowMaker::Impl {
         vertices(gpu::upload(d, "facet vertices", mesh.vertices)),
         indices(gpu::upload(d, "facet indices", mesh.indices)),
         records(gpu::upload(d, "facet records", facetRecords(f, p))),
-        cellMap(gpu::upload(d, "cell map", p.cellMap)),
+        binOfItem(gpu::upload(d, "item bins", itemBins(p))),
         deltaFactors(gpu::upload(d, "delta form factors", quantisedFormFactors(o.projection, o.resolution))),
         target(d, "item buffer", layout.width, layout.height, layers, {gpu::Format::uint32}),
         items(d, "items", uint64_t{4} * pixels * layers, gpu::Memory::device),
         sums(d, "row sums", uint64_t{4} * bins * layers, gpu::Memory::device),
         draw(d, "hemicube", layered ? gpu::Spirv(hemicube_vert_LAYERED) : gpu::Spirv(hemicube_vert), hemicube_frag,
              {gpu::Format::uint32}, shader::kItemBindingCount, sizeof(shader::ItemPush)),
-        reduce(d, "hemicube reduction", hemicube_reduce_comp, shader::kReduceBindingCount, sizeof(shader::ReducePush)),
-        reduceBindings(d, "hemicube reduction", {&items, &deltaFactors, &sums}) {
+        reduce(d, "hemicube reduction", isIdentity(p) ? gpu::Spirv(hemicube_reduce_comp) : gpu::Spirv(hemicube_reduce_comp_MAPPED), shader::kReduceBindingCount, sizeof(shader::ReducePush)),
+        reduceBindings(d, "hemicube reduction", {&items, &deltaFactors, &binOfItem, &sums}) {
     for (const char* name : {"batch A", "batch B"}) {
       gpu::Buffer frames(d, fmt::format("{} frames", name), sizeof(shader::HemicubeFrame) * layers, gpu::Memory::upload);
       gpu::Buffer rows(d, fmt::format("{} rows", name), uint64_t{4} * bins * layers, gpu::Memory::download);
-      gpu::Bindings bindings(d, name, {&records, &cellMap, &frames});
+      gpu::Bindings bindings(d, name, {&records, &frames});
       slots.push_back({std::move(frames), std::move(rows), std::move(bindings), gpu::Commands(d, name), {}});
     }
   }
@@ -154,13 +174,13 @@ struct RasterRowMaker::Impl {
   }
 
   void drawLayers(gpu::Commands& commands, uint32_t first, uint32_t count) {
-    const uint32_t backBin = bins - 1, missedBin = bins - 2;
-    commands.beginRaster(target, first, count, missedBin);
+    const auto nothing = static_cast<uint32_t>(patches.cells.size()), backItem = nothing + 1;
+    commands.beginRaster(target, first, count, nothing);
     for (const ProjectionFace& face : layout.faces) {
       // x in [low, 1] * depth becomes clip.x in [-1, 1] * depth.
       const double scaleX = 2 / (1 - face.low), scaleY = 2 / (1 - face.bottom);
       shader::ItemPush push{toVec4(face.right, scaleX), toVec4(face.up, scaleY), toVec4(face.forward, kNear),
-                            toVec4({1 - scaleX, 1 - scaleY, kOwnPlane}), first, backBin, 0, 0};
+                            toVec4({1 - scaleX, 1 - scaleY, kOwnPlane}), first, backItem, 0, 0};
       commands.viewport(face.x, face.y, face.width, face.height);
       commands.push(push);
       if (facets.hasTwins) {  // back to back at the same depth: fronts come first and equal depths do not replace
@@ -201,6 +221,15 @@ struct RasterRowMaker::Impl {
     commands.submit();
   }
 
+  // One position: no sum to keep.
+  void storeSingle(RowStore& store, uint32_t patch, const uint32_t* counts) const {
+    const std::span<float> row = store.row(patch);
+    const bool exposed = counts[bins - 1] != kAllBacks;
+    for (size_t j = 0; j < row.size(); ++j) row[j] = static_cast<float>(exposed ? counts[j] / kFullHemisphere : 0.0);
+    if (exposed) store.finish(patch, {counts[bins - 2] / kFullHemisphere, counts[bins - 1] / kFullHemisphere, 1});
+    else store.finish(patch, {0, 0, 0});
+  }
+
   // Stores the rows that the slot's batch completes. A patch whose positions are cut by the batch's end stays
   // in `carry`; positions are always added in their order, so the rows do not depend on where batches end.
   void collect(Slot& slot, RowStore& store) {
@@ -220,6 +249,8 @@ struct RasterRowMaker::Impl {
     const auto open = [&](size_t r) { return !slot.hemicubes[runs[r].last].last || (r == 0 && carrying); };
     tbb::parallel_for(size_t{0}, runs.size(), [&](size_t r) {
       if (open(r)) return;
+      const Hemicube& only = slot.hemicubes[runs[r].first];
+      if (options.positions == 1) return storeSingle(store, only.patch, counts.data() + runs[r].first * bins);
       Accumulator& row = scratch.local();
       row.clear(bins);
       addRun(runs[r], row);
@@ -278,7 +309,7 @@ struct RasterRowMaker::Impl {
   bool layered;
   FacetMesh mesh;
   uint32_t indexCount;
-  gpu::Buffer vertices, indices, records, cellMap, deltaFactors;
+  gpu::Buffer vertices, indices, records, binOfItem, deltaFactors;
   gpu::RasterTarget target;
   gpu::Buffer items, sums;
   gpu::RasterPipeline draw;
