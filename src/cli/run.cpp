@@ -58,8 +58,8 @@ class Run {
     report_.degenerate = facets_.degenerate;
     report_.duplicate = facets_.duplicate;
     report_.welded = facets_.welded;
-    if (options_.patchSize == 0 && patches_.frontPatchCount > 2 * options_.patches) {
-      log_.note(fmt::format("{} flat pieces need at least a patch each: {} patches instead of about {}", facets_.facets.size(),
+    if (options_.patchSize == 0 && facets_.facets.size() > options_.patches / 2) {
+      log_.note(fmt::format("{} facets need at least a patch each: {} patches instead of about {}", facets_.facets.size(),
                             patches_.frontPatchCount, options_.patches));
     }
     countPatches();

@@ -43,6 +43,13 @@ double sizeForCount(const FacetSet& set, const std::vector<EdgeLengths>& edges, 
   return above - target < target - below ? low : high;
 }
 
+// Every facet has a patch at least. A detailed model may have more facets than patches are asked for; its walls and
+// floors still need dividing, so half of the number asked for is always left for that.
+double targetCells(const FacetSet& set, size_t asked) {
+  const auto facets = static_cast<double>(set.facets.size()), count = static_cast<double>(asked);
+  return std::max(count, facets > 1 && facets > 0.5 * count ? facets + 0.5 * count : count);
+}
+
 // Index of the first cell of row v in a triangle's grid of n rows.
 uint32_t triangleRow(uint32_t n, uint32_t v) { return v * (2 * n - v); }
 
@@ -142,7 +149,7 @@ PatchSet buildPatches(const Scene& scene, const FacetSet& facets, const PatchOpt
   std::vector<EdgeLengths> edges;
   for (const Facet& f : facets.facets) edges.push_back(edgeLengths(facets, f));
   const double size = options.size > 0 ? options.size / facets.frame.size
-                                       : sizeForCount(facets, edges, static_cast<double>(options.count));
+                                       : sizeForCount(facets, edges, targetCells(facets, options.count));
   constexpr double kMaxCells = 1u << 30;
   if (const double count = countCells(facets, edges, size); count > kMaxCells) {
     throw Error("{}: a patch size of {} would make {:.3g} patches; at most {:.3g} are possible", scene.path,

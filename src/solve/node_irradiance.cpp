@@ -99,13 +99,13 @@ class Builder {
     return firstCluster_[point];
   }
 
-  // Adds the cells of a facet that touch (u,v): those a hair away in the four diagonal directions.
+  // Adds the cells of a facet that touch (u,v): those a hair away.
   void addCells(uint32_t facet, bool back, double u, double v, Sum& sum) const {
     const Facet& f = facets_.facets[facet];
     const CellGrid& g = patches_.grids[facet];
     const double du = 0.01 / g.nu, dv = 0.01 / g.nv;
-    // The six directions reach every cell around a node of a triangle's grid, too.
-    const Vec2 steps[6] = {{du, 0.5 * dv}, {0.5 * du, dv}, {-0.5 * du, dv}, {-du, -0.5 * dv}, {-0.5 * du, -dv}, {du, -0.5 * dv}};
+    // One direction into each of the six triangles around a node, which reach all four parallelograms as well.
+    const Vec2 steps[6] = {{du, dv}, {-0.5 * du, dv}, {-du, 0.5 * dv}, {-du, -dv}, {0.5 * du, -dv}, {du, -0.5 * dv}};
     uint32_t seen[6];
     size_t count = 0;
     for (const Vec2& step : steps) {
