@@ -1,11 +1,14 @@
-# farol_compile_shaders(target SHADERS name[:DEFINE] ...)
-# Compiles shaders/<name> to SPIR-V for Vulkan 1.3 and embeds it as an array of words:
+# farol_compile_shaders(target SHADERS name[:DEFINE] ... [FROM folder])
+# Compiles <folder>/<name> (shaders/ by default) to SPIR-V for Vulkan 1.3 and embeds it as an array of words:
 # hemicube.vert becomes "shaders/hemicube.vert.h" with `hemicube_vert`; with a define,
 # hemicube.vert:LAYERED becomes "shaders/hemicube.vert.LAYERED.h" with `hemicube_vert_LAYERED`.
 # A dependency file makes a change in any included file rebuild the shader. The plain .spv files
 # lie beside the headers, so that a validator can read them.
 function(farol_compile_shaders target)
-  cmake_parse_arguments(ARG "" "" "SHADERS" ${ARGN})
+  cmake_parse_arguments(ARG "" "FROM" "SHADERS" ${ARGN})
+  if(NOT ARG_FROM)
+    set(ARG_FROM ${CMAKE_SOURCE_DIR}/shaders)
+  endif()
   set(out ${CMAKE_BINARY_DIR}/shaders)
   file(MAKE_DIRECTORY ${out})
   foreach(entry IN LISTS ARG_SHADERS)
@@ -20,7 +23,7 @@ function(farol_compile_shaders target)
       set(stem ${name}.${define})
     endif()
     string(REPLACE "." "_" variable ${stem})
-    set(source ${CMAKE_SOURCE_DIR}/shaders/${name})
+    set(source ${ARG_FROM}/${name})
     add_custom_command(
       OUTPUT ${out}/${stem}.h ${out}/${stem}.spv
       COMMAND ${GLSLANG_VALIDATOR} --quiet --target-env vulkan1.3 ${defines} -I${CMAKE_SOURCE_DIR}/shaders

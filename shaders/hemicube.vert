@@ -23,16 +23,16 @@ invariant gl_Position;  // shared vertices land on the same pixel: no cracks
 void main() {
   const HemicubeFrame frame = frames[push.layer + gl_InstanceIndex];
   const vec3 d = position - frame.origin.xyz;
-  vec3 p = vec3(dot(frame.axisX.xyz, d), dot(frame.axisY.xyz, d), dot(frame.axisN.xyz, d));
-  // Points of the patch's own plane sit a rounding error above or below it: put them exactly on it, so
-  // that coplanar facets are seen edge-on and cover nothing.
-  if (abs(p.z) < push.shift.z) p.z = 0.0;
+  const vec3 p = vec3(dot(frame.axisX.xyz, d), dot(frame.axisY.xyz, d), dot(frame.axisN.xyz, d));
   const float depth = dot(push.forward.xyz, p);
   gl_Position = vec4(dot(push.right.xyz, p) * push.right.w + push.shift.x * depth,
                      dot(push.up.xyz, p) * push.up.w + push.shift.y * depth,
                      push.forward.w, depth);  // reversed z: near / depth, infinite far plane
   const uint k = corner & 3u;
   const FacetRecord f = facets[corner >> 2];
+  // A facet whose plane holds the eye, the patch's own first of all, is seen edge-on and covers nothing; rounding
+  // would make it a sliver that is large where it passes the eye. Put all of it in front of the near plane.
+  if (abs(dot(f.plane.xyz, frame.origin.xyz) - f.plane.w) < push.shift.z) gl_Position = vec4(0.0, 0.0, 1.0, 0.0);
   facet = uvec4(f.frontCell, f.backCell, f.nu, f.nv);
   grid = vec2(f.nu, f.nv != 0u ? f.nv : f.nu) * vec2(k == 1u || k == 2u ? 1.0 : 0.0, k >= 2u ? 1.0 : 0.0);  // a triangle has corners 0, 1, 3
 #ifdef LAYERED

@@ -34,8 +34,9 @@ FAROL_CONST kNoCell = 0xFFFFFFFFu;  // FacetRecord::backCell of a facet whose ba
 // Items: a cell's number; the number of cells for nothing seen; one more for a black back.
 FAROL_CONST kBackBit = 0x80000000u;  // set in the view's facet ids where a back side is seen
 
-// A facet as the fragment shader needs it (16 bytes).
+// A facet as the shaders need it (32 bytes).
 struct FacetRecord {
+  vec4 plane;      // xyz: unit normal; w: distance from the origin along it [unit coordinates]
   uint frontCell;  // first cell of the front side
   uint backCell;   // first cell of the back side, or kNoCell
   uint nu;         // cells along u; a triangle's rows
@@ -56,7 +57,7 @@ struct ItemPush {
   vec4 right;    // w: horizontal scale
   vec4 up;       // w: vertical scale
   vec4 forward;  // w: near distance [unit coordinates]
-  vec4 shift;    // x, y: shifts; z: heights below this are 0; w unused
+  vec4 shift;    // x, y: shifts; z: facets whose plane is this close to the eye are edge-on; w unused
   uint layer;    // frame of instance 0
   uint backItem;  // written where a black back is seen
   uint pad0;
@@ -81,7 +82,7 @@ struct ReducePush {
 };
 
 #ifdef __cplusplus
-static_assert(sizeof(FacetRecord) == 16 && sizeof(HemicubeFrame) == 64);
+static_assert(sizeof(FacetRecord) == 32 && sizeof(HemicubeFrame) == 64);
 static_assert(sizeof(ItemPush) == 80 && sizeof(ViewPush) == 80 && sizeof(ReducePush) == 16);
 }  // namespace farol::shader
 #endif

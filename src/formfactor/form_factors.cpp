@@ -5,13 +5,14 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <atomic>
 #include <numeric>
 
 namespace farol {
 
 std::span<float> FormFactorMatrix::row(uint32_t patch) {
   const uint64_t rowBytes = rows_.size() * sizeof(float);
-  if (rows_[patch].empty() && (bytes_ += rowBytes) > maxBytes_) {
+  if (rows_[patch].empty() && (std::atomic_ref(bytes_) += rowBytes) > maxBytes_) {
     throw Error("form factors of {} patches do not fit: more than {} rows of {} bytes would exceed the {} bytes allowed; "
                 "ask for fewer patches, or allow more with --memory", rows_.size(), maxBytes_ / rowBytes, rowBytes, maxBytes_);
   }

@@ -5,7 +5,6 @@
 #include "base/log.h"
 #include "patch/patches.h"
 
-#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <span>
@@ -48,7 +47,7 @@ class FormFactorMatrix : public RowStore {
 
  private:
   uint64_t maxBytes_;
-  std::atomic<uint64_t> bytes_{0};
+  uint64_t bytes_ = 0;  // of rows so far; rows come from several threads
   std::vector<std::vector<float>> rows_;
   std::vector<RowShares> shares_;
 };

@@ -20,10 +20,10 @@ namespace {
 
 using shader::vec4;
 
-// Near distance and the height below which a point counts as lying on the patch's own plane, in unit
-// coordinates. Depth is a float in reversed z, so a tiny near distance costs no precision.
+// Near distance, and the distance from a facet's plane at which the eye counts as lying in it, in unit coordinates.
+// Depth is a float in reversed z, so a tiny near distance costs no precision.
 constexpr float kNear = 1e-6f;
-constexpr float kOwnPlane = 4e-7f;  // float32 rounding of point and frame, both at most 0.5 from the centre
+constexpr float kEdgeOn = 4e-7f;  // a few float32 roundings of points at most 0.5 from the centre
 constexpr double kFullHemisphere = 4294967295.0;  // 2^32 - 1, the sum of all delta form factors
 constexpr uint32_t kAllBacks = 0xFFFFFFFFu;       // a position that sees nothing but black backs lies inside a solid
 
@@ -35,7 +35,9 @@ std::vector<shader::FacetRecord> facetRecords(const FacetSet& facets, const Patc
   std::vector<shader::FacetRecord> records;
   for (size_t i = 0; i < facets.facets.size(); ++i) {
     const CellGrid& g = patches.grids[i];
-    records.push_back({g.frontCell, g.backCell, g.nu, facets.facets[i].parallelogram ? g.nv : 0});
+    const Facet& f = facets.facets[i];
+    const double distance = glm::dot(f.normal, facets.points[f.corners[0]]);
+    records.push_back({toVec4(f.normal, distance), g.frontCell, g.backCell, g.nu, f.parallelogram ? g.nv : 0});
   }
   return records;
 }
@@ -180,7 +182,7 @@ struct RasterRowMaker::Impl {
       // x in [low, 1] * depth becomes clip.x in [-1, 1] * depth.
       const double scaleX = 2 / (1 - face.low), scaleY = 2 / (1 - face.bottom);
       shader::ItemPush push{toVec4(face.right, scaleX), toVec4(face.up, scaleY), toVec4(face.forward, kNear),
-                            toVec4({1 - scaleX, 1 - scaleY, kOwnPlane}), first, backItem, 0, 0};
+                            toVec4({1 - scaleX, 1 - scaleY, kEdgeOn}), first, backItem, 0, 0};
       commands.viewport(face.x, face.y, face.width, face.height);
       commands.push(push);
       if (facets.hasTwins) {  // back to back at the same depth: fronts come first and equal depths do not replace

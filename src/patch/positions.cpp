@@ -32,6 +32,19 @@ std::vector<Position> gaussPositions(const FacetSet& facets, const PatchSet& pat
   return result;
 }
 
+// Of the centres of a patch's cells the one nearest to the patch's centroid, which may lie outside of the patch.
+Vec3 centreNearest(const FacetSet& facets, const PatchSet& patches, uint32_t patch) {
+  const Vec3 centroid = facets.frame.toUnit(patches.patches[patch].centre);
+  Vec3 nearest(1e300);
+  for (const uint32_t c : patches.cellsOf(patch)) {
+    const Cell& cell = patches.cells[c];
+    const double middle = facets.facets[cell.facet].parallelogram ? 0.5 : 1.0 / 3;
+    const Vec3 centre = pointOf(facets, patches, cell, middle, middle);
+    if (glm::distance(centre, centroid) < glm::distance(nearest, centroid)) nearest = centre;
+  }
+  return nearest;
+}
+
 }  // namespace
 
 GaussRule gaussLegendre(int n) {
@@ -57,13 +70,11 @@ GaussRule gaussLegendre(int n) {
 
 std::vector<Position> positionsOn(const FacetSet& facets, const PatchSet& patches, uint32_t patch, int count,
                                   uint64_t seed) {
+  if (count == 1) return {{centreNearest(facets, patches, patch), 1.0}};
   const auto cells = patches.cellsOf(patch);
   if (cells.size() == 1) {
-    const Cell& cell = patches.cells[cells[0]];
-    const double third = facets.facets[cell.facet].parallelogram ? 0.5 : 1.0 / 3;
-    if (count == 1) return {{pointOf(facets, patches, cell, third, third), 1.0}};
     const int root = static_cast<int>(std::lround(std::sqrt(count)));
-    if (root * root == count) return gaussPositions(facets, patches, cell, root);
+    if (root * root == count) return gaussPositions(facets, patches, patches.cells[cells[0]], root);
   }
   double total = 0;
   for (const uint32_t c : cells) total += cellArea(facets, patches.grids[patches.cells[c].facet], patches.cells[c].facet);

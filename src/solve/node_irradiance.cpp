@@ -99,26 +99,26 @@ class Builder {
     return firstCluster_[point];
   }
 
-  // Adds the cells of a facet that touch (u,v): those a hair away.
+  // Adds the cells of a facet that touch (u,v), those a hair away, each by the angle at which it touches: a cell with its
+  // corner there counts less than one with the middle of an edge.
   void addCells(uint32_t facet, bool back, double u, double v, Sum& sum) const {
     const Facet& f = facets_.facets[facet];
     const CellGrid& g = patches_.grids[facet];
     const double du = 0.01 / g.nu, dv = 0.01 / g.nv;
-    // One direction into each of the six triangles around a node, which reach all four parallelograms as well.
-    const Vec2 steps[6] = {{du, dv}, {-0.5 * du, dv}, {-du, 0.5 * dv}, {-du, -dv}, {0.5 * du, -dv}, {du, -0.5 * dv}};
-    uint32_t seen[6];
-    size_t count = 0;
-    for (const Vec2& step : steps) {
+    // One direction into each of the four parallelograms or six triangles around a node.
+    static const std::vector<Vec2> kFour = {{1, 1}, {-1, 1}, {-1, -1}, {1, -1}};
+    static const std::vector<Vec2> kSix = {{1, 1}, {-0.5, 1}, {-1, 0.5}, {-1, -1}, {0.5, -1}, {1, -0.5}};
+    const std::vector<Vec2>& directions = f.parallelogram ? kFour : kSix;
+    for (const Vec2& direction : directions) {
+      const Vec2 step = direction * Vec2(du, dv);
       const double su = u + step.x, sv = v + step.y;
       if (su < 0 || sv < 0 || (f.parallelogram ? su > 1 || sv > 1 : su + sv > 1)) continue;
       const uint32_t cell = cellAt(g, f.parallelogram, su, sv);
-      if (std::find(seen, seen + count, cell) != seen + count) continue;
-      seen[count++] = cell;
       const uint32_t patch = patches_.cellMap[(back ? g.backCell : g.frontCell) + cell];
       // Patches that lie inside a solid have no irradiance to show.
-      const double exposed = f_ != nullptr ? f_->shares(patch).exposed : 1;
-      sum.value += exposed * irradiance_[patch];
-      sum.weight += exposed;
+      const double weight = (f_ != nullptr ? f_->shares(patch).exposed : 1) / static_cast<double>(directions.size());
+      sum.value += weight * irradiance_[patch];
+      sum.weight += weight;
     }
   }
 

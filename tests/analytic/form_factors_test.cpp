@@ -1,0 +1,129 @@
+// Raster form factors against the closed forms and converged values of form_factors.json (sources per case there).
+#include "raster_run.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace farol::test {
+namespace {
+
+using nlohmann::json;
+
+Vec3 vec(const json& a) { return {a[0].get<double>(), a[1].get<double>(), a[2].get<double>()}; }
+
+// A differential element becomes a square so small that its size does not show (1e-3 of the distances).
+TestSurface element(const json& s) {
+  const Vec3 p = vec(s["point"]), n = glm::normalize(vec(s["normal"])), a = anyPerpendicular(n), b = glm::cross(n, a);
+  constexpr double h = 5e-4;
+  return {"element", {{p - h * a - h * b, p + h * a - h * b, p + h * a + h * b, p - h * a + h * b}}};
+}
+
+std::vector<TestSurface> surfacesOf(const json& testCase, int segments) {
+  std::vector<TestSurface> result;
+  for (const json& s : testCase["surfaces"]) {
+    const std::string kind = s["kind"], name = s["name"];
+    if (kind == "element") {
+      result.push_back(element(s));
+    } else if (kind == "disk") {
+      result.push_back(disk(name, s["radius"], vec(s["center"]), glm::normalize(vec(s["normal"])), segments));
+    } else if (kind == "sphere") {
+      std::vector<double> zones = {-1, 1};
+      std::string base = name;
+      if (testCase["surfaces"].size() > 1 && testCase["surfaces"][1]["kind"] == "spherical cap") {
+        zones = {-1, std::cos(testCase["surfaces"][1]["half_angle_deg"].get<double>() * kPi / 180), 1};
+        base = "zone";  // zone0 is the rest, zone1 the cap
+      }
+      for (TestSurface& zone : sphereZones(base, s["radius"], s["facing"] == "in", zones, segments)) result.push_back(std::move(zone));
+    } else if (kind == "polygon") {
+      TestSurface surface{name, {{}}};
+      for (const json& v : s["vertices"]) surface.polygons[0].push_back(vec(v));
+      surface.twoSided = s.value("two_sided", false);
+      result.push_back(surface);
+    }
+  }
+  return result;
+}
+
+std::string renamed(const std::string& name, const std::string& id) {
+  if (!id.starts_with("A11")) return name;
+  return name == "cap" ? "zone1" : "zone0";
+}
+
+const std::vector<json>& cases() {
+  static const std::vector<json> all = json::parse(readText(FAROL_TESTS "/analytic/form_factors.json"))["cases"];
+  return all;
+}
+
+class RasterFormFactors : public ::testing::TestWithParam<size_t> {
+ protected:
+  const json& testCase() const { return cases()[GetParam()]; }
+  bool round() const {
+    const std::string kind = testCase()["surfaces"].back()["kind"];
+    return kind == "disk" || kind == "sphere" || kind == "spherical cap";
+  }
+  bool hasElement() const { return testCase()["surfaces"][0]["kind"] == "element"; }
+};
+
+// 9 hemicubes of R = 128 on each of about 400 patches: within 0.3 % + 1e-5 (factors below 1e-5 are out of reach of
+// pixels and fall under the absolute part).
+TEST_P(RasterFormFactors, MatchClosedForm) {
+  RasterOptions options;
+  options.resolution = 128;
+  options.positions = hasElement() ? 64 : 9;  // an element is one patch: what other cases have in patches it gets in turns
+  PatchOptions patches;
+  if (hasElement()) patches.size = 100;
+  else patches.count = 400;
+  const int segments = 64;
+  RasterRun run(loadSurfaces(surfacesOf(testCase(), segments)), patches, options);
+  for (const json& e : testCase()["expected"]) {
+    const std::string id = testCase()["id"], from = e["from"], to = e["to"];
+    const double value = e["value"];
+    // Spheres of facets: polyhedra of 64 segments differ from the sphere by about (pi / 64)^2 = 0.24 %.
+    const double tolerance = (round() ? 0.005 : 0.003) * value + 1e-5;
+    EXPECT_NEAR(run.factor(renamed(from, id), renamed(to, id)), value, tolerance) << id << ": " << from << " -> " << to;
+  }
+}
+
+// A rigid motion or a change of scale changes no factor: a general rotation, a shift by 1000 sizes, four scales.
+TEST_P(RasterFormFactors, DoNotDependOnPlacement) {
+  const auto surfaces = surfacesOf(testCase(), 24);
+  RasterOptions options;
+  options.positions = hasElement() ? 16 : 4;
+  PatchOptions patches;
+  patches.count = hasElement() ? 1 : 60;
+  const json& e = testCase()["expected"][0];
+  const std::string from = renamed(e["from"], testCase()["id"]), to = renamed(e["to"], testCase()["id"]);
+  const double here = RasterRun(loadSurfaces(surfaces), patches, options).factor(from, to);
+  const auto there = [&](const Placement& placement) { return RasterRun(loadSurfaces(surfaces, placement), patches, options).factor(from, to); };
+  const double size = 25;  // an upper bound of the cases' sizes
+
+  // Inside, the scene is moved to its centre and scaled to size 1 in double precision: what is left of a shift or a
+  // scale is rounding, which may move single pixels at edges (a pixel of R = 64 is 3e-4 of the hemisphere at most).
+  for (const double scale : {1e-6, 1e-3, 1e3, 1e6}) EXPECT_NEAR(there({{0, 0, 0, 1}, Vec3(0), scale}), here, 1e-5 + 1e-4 * here) << "scale " << scale;
+  EXPECT_NEAR(there({{0, 0, 0, 1}, Vec3(1000, -700, 500) * size, 1}), here, 1e-5 + 1e-4 * here) << "shift";
+  // A rotation turns the pixel grids as well: equal within the sampling error of these settings.
+  EXPECT_NEAR(there({generalRotation(), Vec3(0), 1}), here, 1e-4 + 0.01 * here) << "rotation";
+}
+
+INSTANTIATE_TEST_SUITE_P(Truth, RasterFormFactors, ::testing::Range<size_t>(0, cases().size()), [](const auto& parameter) {
+  const std::string id = cases()[parameter.param]["id"];
+  return id;
+});
+
+// Faceted spheres approach the sphere with the square of the facet size.
+TEST(RasterFormFactorsOfSpheres, ErrorFallsWithFacetSizeSquared) {
+  const auto capShare = [](int segments) {  // exact: 0.25 from anywhere to a cap of half angle 60 degrees
+    RasterOptions options;
+    options.resolution = 128;
+    options.positions = 4;
+    RasterRun run(loadSurfaces(sphereZones("zone", 1, true, {-1, 0.5, 1}, segments)), {400, 0}, options);
+    return run.factor("zone0", "zone1");
+  };
+  const double coarse = std::abs(capShare(12) - 0.25), fine = std::abs(capShare(24) - 0.25);
+  EXPECT_GT(coarse / fine, 3.0);  // 4 in the limit
+  EXPECT_LT(fine, 0.25 * 0.02);
+}
+
+}  // namespace
+}  // namespace farol::test

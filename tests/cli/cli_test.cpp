@@ -1,0 +1,177 @@
+// The real program on small scenes: exit codes, messages, files, report.
+#include "program.h"
+#include "test_scene.h"
+
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <sstream>
+
+namespace farol::test {
+namespace {
+
+using nlohmann::json;
+using ::testing::HasSubstr;
+
+const std::string kCornell = FAROL_SCENES "/cornell_box/cornell_box.gltf";
+const std::string kFurnace = FAROL_SCENES "/white_furnace/white_furnace.gltf";
+
+std::vector<std::vector<std::string>> readCsv(const std::string& path) {
+  std::vector<std::vector<std::string>> rows;
+  std::istringstream lines(readText(path));
+  for (std::string line; std::getline(lines, line);) {
+    if (!line.empty() && line.back() == '\r') line.pop_back();
+    rows.emplace_back();
+    std::istringstream fields(line);
+    for (std::string field; std::getline(fields, field, ',');) rows.back().push_back(field);
+  }
+  return rows;
+}
+
+TEST(Program, ShowsHelpAndVersion) {
+  EXPECT_THAT(farol("--version").out, HasSubstr("farol "));
+  const Outcome help = farol("--help");
+  EXPECT_EQ(help.exitCode, 0);
+  for (const char* command : {"render", "solve", "factors", "info", "devices", "Exit codes"}) EXPECT_THAT(help.out, HasSubstr(command));
+  const Outcome render = farol("render --help");
+  EXPECT_EQ(render.exitCode, 0);
+  for (const char* text : {"--patches", "4000", "--resolution", "64", "--positions", "--exposure", "1280x720"}) EXPECT_THAT(render.out, HasSubstr(text));
+}
+
+TEST(Program, ListsDevices) {
+  const Outcome o = farol("devices");
+  EXPECT_EQ(o.exitCode, 0);
+  EXPECT_THAT(o.out, HasSubstr("0: "));
+  EXPECT_THAT(o.out, HasSubstr("CPU: "));
+}
+
+TEST(Render, DrawsAPictureWithAReport) {
+  const TemporaryFolder folder;
+  const Outcome o = farol("render " + kCornell + " -o " + folder.path("p.png") + " --size 64x48 --patches 400 --report " + folder.path("r.json") + " --patches-csv " + folder.path("p.csv"));
+  ASSERT_EQ(o.exitCode, 0) << o.err;
+  EXPECT_THAT(o.out, HasSubstr("converged"));
+  const std::string png = readText(folder.path("p.png"));
+  EXPECT_EQ(png.substr(1, 3), "PNG");
+  EXPECT_EQ(static_cast<unsigned char>(png[19]), 64);
+  EXPECT_EQ(static_cast<unsigned char>(png[23]), 48);
+  EXPECT_EQ(folder.files(), (std::vector<std::string>{"p.csv", "p.png", "r.json"}));
+
+  const json r = json::parse(readText(folder.path("r.json")));
+  EXPECT_TRUE(r["solve"]["converged"].get<bool>());
+  EXPECT_LE(r["row_sums"]["max"].get<double>(), 1 + 1e-6);
+  EXPECT_EQ(r["counts"]["surfaces"], 8);
+  EXPECT_EQ(r["counts"]["patches"].get<size_t>() + 1, readCsv(folder.path("p.csv")).size());
+  double sum = 0;
+  for (const json& stage : r["stages"]) sum += stage["seconds"].get<double>();
+  EXPECT_NEAR(sum, r["total_seconds"].get<double>(), 1e-9);
+  EXPECT_GT(r["peak_bytes"].get<uint64_t>(), 1u << 20);
+}
+
+TEST(Render, WritesLinearRadianceAsExr) {
+  const TemporaryFolder folder;
+  const Outcome o = farol("render " + kFurnace + " -o " + folder.path("p.exr") + " --size 32x32 --patches 150");
+  ASSERT_EQ(o.exitCode, 0) << o.err;
+  EXPECT_EQ(readText(folder.path("p.exr")).substr(0, 4), "\x76\x2f\x31\x01");
+}
+
+// The report's equivalent command repeats the run byte for byte, on any number of threads.
+TEST(Render, RepeatsBytesFromTheEquivalentCommand) {
+  const TemporaryFolder folder;
+  ASSERT_EQ(farol("render " + kCornell + " -o " + folder.path("a.png") + " --size 80x80 --patches 300 --report " + folder.path("r.json")).exitCode, 0);
+  const std::string first = readText(folder.path("a.png"));
+  std::string command = json::parse(readText(folder.path("r.json")))["equivalent_command"];
+  ASSERT_TRUE(command.starts_with("farol "));
+  const Outcome o = farol(command.substr(6) + " --threads 1");
+  ASSERT_EQ(o.exitCode, 0) << o.err;
+  EXPECT_EQ(readText(folder.path("a.png")), first);
+}
+
+// The local picture of the thesis's Figure 2.1: no interreflection, so red light reaches no white wall.
+TEST(Render, DrawsLocalIllumination) {
+  const TemporaryFolder folder;
+  const Outcome o = farol("render " + kCornell + " -o " + folder.path("p.png") + " --size 40x40 --patches 300 --illumination local --patches-csv " + folder.path("p.csv"));
+  ASSERT_EQ(o.exitCode, 0) << o.err;
+  EXPECT_THAT(o.out, HasSubstr("local illumination"));
+  const auto rows = readCsv(folder.path("p.csv"));
+  for (size_t i = 1; i < rows.size(); ++i) {
+    const double r = std::stod(rows[i][18]), b = std::stod(rows[i][20]);
+    EXPECT_NEAR(b, r * 4.0 / 17, 1e-9 * (1 + r));  // the lamp's own colour everywhere
+  }
+}
+
+TEST(Solve, KnowsTheWhiteFurnace) {
+  const TemporaryFolder folder;
+  const Outcome o = farol("solve " + kFurnace + " -o " + folder.path("lit.glb") + " --patches 300 --residual 1e-9 --patches-csv " + folder.path("p.csv"));
+  ASSERT_EQ(o.exitCode, 0) << o.err;
+  const double expected[3] = {1 / (1 - 0.5), 1 / (1 - 0.8), 1 / (1 - 0.9)};
+  const auto rows = readCsv(folder.path("p.csv"));
+  for (size_t i = 1; i < rows.size(); ++i) {
+    for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(std::stod(rows[i][15 + c]), expected[c], 1e-5 * expected[c]);
+  }
+  EXPECT_EQ(readText(folder.path("lit.glb")).substr(0, 4), "glTF");
+}
+
+TEST(Solve, AgreesBetweenJacobiAndGaussSeidel) {
+  const TemporaryFolder folder;
+  for (const std::string solver : {"jacobi", "gauss-seidel"}) {
+    ASSERT_EQ(farol("solve " + kCornell + " --patches 300 --residual 1e-8 --solver " + solver + " --patches-csv " + folder.path(solver)).exitCode, 0);
+  }
+  const auto a = readCsv(folder.path("jacobi")), b = readCsv(folder.path("gauss-seidel"));
+  ASSERT_EQ(a.size(), b.size());
+  for (size_t i = 1; i < a.size(); ++i) EXPECT_NEAR(std::stod(a[i][15]), std::stod(b[i][15]), 1e-6);
+}
+
+// One floor under a uniform sky that fills its hemisphere: H = sky.
+TEST(Solve, LightsAnOpenFloorFromTheSky) {
+  const TemporaryFolder folder;
+  writeText(folder.path("floor.gltf"), gltfOf({{"floor", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}, Rgb(0.25)}}).dump());
+  const Outcome o = farol("solve " + folder.path("floor.gltf") + " --patches 16 --sky 3,2,1 --patches-csv " + folder.path("p.csv"));
+  ASSERT_EQ(o.exitCode, 0) << o.err;
+  const auto rows = readCsv(folder.path("p.csv"));
+  EXPECT_NEAR(std::stod(rows[1][18]), 3, 1e-12);
+  EXPECT_NEAR(std::stod(rows[1][15]), 0.75, 1e-12);
+}
+
+TEST(Factors, WritesATableBySurface) {
+  const TemporaryFolder folder;
+  writeText(folder.path("box.gltf"), gltfOf(closedBox({1, 2, 3})).dump());
+  const Outcome o = farol("factors " + folder.path("box.gltf") + " -o " + folder.path("f.csv") + " --patches 300 --positions 4");
+  ASSERT_EQ(o.exitCode, 0) << o.err;
+  const auto rows = readCsv(folder.path("f.csv"));
+  ASSERT_EQ(rows.size(), 7u);
+  EXPECT_EQ(rows[0], (std::vector<std::string>{"surface", "area", "x0", "x1", "y0", "y1", "z0", "z1", "(open)", "(cut)"}));
+  for (size_t i = 1; i < 7; ++i) {
+    double sum = 0;
+    for (size_t j = 2; j < rows[i].size(); ++j) sum += std::stod(rows[i][j]);
+    EXPECT_NEAR(sum, 1, 1e-6);
+  }
+  EXPECT_NEAR(std::stod(rows[1][3]), 0.4755764365329529, 0.003 * 0.4756);  // x0 -> x1
+}
+
+TEST(Factors, WritesMatricesByPatch) {
+  const TemporaryFolder folder;
+  ASSERT_EQ(farol("factors " + kFurnace + " -o " + folder.path("f.npy") + " --patches 54").exitCode, 0);
+  ASSERT_EQ(farol("factors " + kFurnace + " -o " + folder.path("f.mtx") + " --patches 54").exitCode, 0);
+  EXPECT_THAT(readText(folder.path("f.npy")), HasSubstr("'shape': (54, 54)"));
+  EXPECT_THAT(readText(folder.path("f.mtx")), HasSubstr("%%MatrixMarket matrix coordinate real general"));
+  EXPECT_EQ(farol("factors " + kFurnace + " -o " + folder.path("g.npy") + " --by surface").exitCode, 2);
+}
+
+TEST(Info, ForecastsAndWritesNothing) {
+  const TemporaryFolder folder;
+  const Outcome o = farol("info " + kCornell);
+  EXPECT_EQ(o.exitCode, 0) << o.err;
+  for (const char* text : {"8 surfaces", "camera 'camera'", "MB", "rows/s"}) EXPECT_THAT(o.out, HasSubstr(text));
+  EXPECT_TRUE(folder.files().empty());
+}
+
+TEST(Quiet, LeavesStandardOutputEmpty) {
+  const TemporaryFolder folder;
+  const Outcome o = farol("render " + kCornell + " -o " + folder.path("p.png") + " --size 16x16 --patches 100 --quiet");
+  EXPECT_EQ(o.exitCode, 0);
+  EXPECT_EQ(o.out, "");
+  EXPECT_EQ(o.err, "");
+}
+
+}  // namespace
+}  // namespace farol::test

@@ -1,0 +1,52 @@
+#include "patch/facets.h"
+#include "test_scene.h"
+
+#include "base/error.h"
+
+#include <gtest/gtest.h>
+
+namespace farol::test {
+namespace {
+
+FacetSet facetsOf(const std::vector<TestSurface>& surfaces) {
+  Log log(true);
+  return buildFacets(loadSurfaces(surfaces), log);
+}
+
+TEST(Facets, JoinTwoTrianglesToAParallelogram) {
+  const FacetSet set = facetsOf({{"skew", {{{0, 0, 0}, {2, 0, 0}, {3, 1, 0}, {1, 1, 0}}}}});
+  ASSERT_EQ(set.facets.size(), 1u);
+  EXPECT_TRUE(set.facets[0].parallelogram);
+  EXPECT_NEAR(set.facets[0].area * set.frame.size * set.frame.size, 2.0, 1e-6);
+  EXPECT_NEAR(set.facets[0].normal.z, 1, 1e-12);
+}
+
+TEST(Facets, KeepTrianglesThatMakeNoParallelogram) {
+  EXPECT_EQ(facetsOf({{"kite", {{{0, 0, 0}, {2, 0, 0}, {3, 3, 0}, {0, 2, 0}}}}}).facets.size(), 2u);
+  // Folded along the diagonal: the fourth corner is out of the plane.
+  EXPECT_EQ(facetsOf({{"fold", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0.01}, {0, 1, 0}}}}}).facets.size(), 2u);
+}
+
+TEST(Facets, LeaveOutDegenerateAndDuplicateTriangles) {
+  const std::vector<Vec3> good = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  const FacetSet set = facetsOf({{"t", {good, good, {{0, 0, 0}, {1, 0, 0}, {1, 0, 0}}, {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}}});
+  EXPECT_EQ(set.facets.size(), 1u);
+  EXPECT_EQ(set.duplicate, 1u);
+  EXPECT_EQ(set.degenerate, 3u);
+}
+
+TEST(Facets, RefuseASceneOfDegenerateTriangles) {
+  EXPECT_THROW(facetsOf({{"line", {{{0, 0, 0}, {1, 0, 0}, {2, 0, 0}}}}}), Error);
+}
+
+TEST(Facets, NoticeTrianglesThatFaceOppositeWays) {
+  EXPECT_TRUE(facetsOf({{"a", {{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}}}, {"b", {{{0, 0, 0}, {0, 1, 0}, {1, 0, 0}}}}}).hasTwins);
+  EXPECT_FALSE(facetsOf(closedBox({1, 1, 1})).hasTwins);
+}
+
+TEST(Facets, WeldVerticesOfNeighbouringSurfaces) {
+  EXPECT_EQ(facetsOf(closedBox({1, 2, 3})).points.size(), 8u);
+}
+
+}  // namespace
+}  // namespace farol::test

@@ -1,0 +1,141 @@
+#include "base/error.h"
+#include "patch/positions.h"
+#include "test_scene.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+
+namespace farol::test {
+namespace {
+
+struct Cut {
+  explicit Cut(Scene s, const PatchOptions& options) : scene(std::move(s)) {
+    Log log(true);
+    facets = buildFacets(scene, log);
+    patches = buildPatches(scene, facets, options);
+  }
+  Scene scene;
+  FacetSet facets;
+  PatchSet patches;
+};
+
+Cut boxOf(const Vec3& size, const PatchOptions& options) { return Cut(loadSurfaces(closedBox(size)), options); }
+
+double areaOf(const Cut& cut) {
+  double sum = 0;
+  for (const Patch& p : cut.patches.patches) sum += p.area;
+  return sum;
+}
+
+TEST(Patches, AreasSumToTheAreaOfTheScene) {
+  for (const size_t count : {6u, 100u, 5000u}) EXPECT_NEAR(areaOf(boxOf({1, 2, 3}, {count, 0})), 22.0, 22 * 1e-6);
+  Log log(true);
+  for (const char* name : {"/cornell_box/cornell_box.gltf", "/l_room/l_room.gltf"}) {
+    const Scene scene = loadScene(std::string(FAROL_SCENES) + name, log);
+    double triangles = 0;
+    for (const Surface& s : scene.surfaces) {
+      for (const auto& t : s.triangles) triangles += 0.5 * glm::length(glm::cross(s.positions[t[1]] - s.positions[t[0]], s.positions[t[2]] - s.positions[t[0]]));
+    }
+    EXPECT_NEAR(areaOf(Cut(scene, {3000, 0})), triangles, 1e-6 * triangles) << name;
+  }
+}
+
+// An edge of length l gets ceil(l / S) cells.
+TEST(Patches, FollowThePatchSize) {
+  const Cut cut = boxOf({1, 2, 3}, {0, 0.5});
+  for (size_t f = 0; f < cut.facets.facets.size(); ++f) {
+    const Facet& facet = cut.facets.facets[f];
+    const double size = cut.facets.frame.size;
+    EXPECT_EQ(cut.patches.grids[f].nu, std::lround(2 * size * glm::distance(cut.facets.points[facet.corners[0]], cut.facets.points[facet.corners[1]])));
+  }
+  EXPECT_EQ(cut.patches.size(), 2u * (4 * 6 + 2 * 6 + 2 * 4));
+  EXPECT_EQ(boxOf({1, 1, 1}, {0, 0.3}).patches.size(), 6u * 16);
+  EXPECT_EQ(boxOf({1, 1, 1}, {0, 7}).patches.size(), 6u);
+}
+
+TEST(Patches, ComeCloseToTheNumberAskedFor) {
+  for (const size_t count : {600u, 4000u, 20000u}) EXPECT_NEAR(static_cast<double>(boxOf({1, 2, 3}, {count, 0}).patches.size()), static_cast<double>(count), 0.1 * static_cast<double>(count));
+}
+
+TEST(Patches, RefuseASizeThatMakesTooMany) { EXPECT_THROW(boxOf({1, 1, 1}, {0, 1e-6}), Error); }
+
+// Every cell's own centre is found again from its (u,v), on parallelograms and on triangles.
+TEST(Cells, AreFoundFromTheirCentres) {
+  for (const bool parallelogram : {true, false}) {
+    Scene scene = loadSurfaces({parallelogram ? TestSurface{"q", {{{0, 0, 0}, {3, 0, 0}, {3, 2, 0}, {0, 2, 0}}}} : TestSurface{"t", {{{0, 0, 0}, {3, 0, 0}, {0, 2, 0}}}}});
+    const Cut cut(std::move(scene), {300, 0});
+    double area = 0;
+    for (uint32_t c = 0; c < cut.patches.cells.size(); ++c) {
+      const Cell& cell = cut.patches.cells[c];
+      const double middle = parallelogram ? 0.5 : 1.0 / 3;
+      const Vec2 uv = cellPoint(cut.patches.grids[0], parallelogram, cell, middle, middle);
+      ASSERT_EQ(cellAt(cut.patches.grids[0], parallelogram, uv.x, uv.y), c);
+      area += cellArea(cut.facets, cut.patches.grids[0], 0);
+    }
+    EXPECT_NEAR(area, parallelogram ? 6 : 3, 1e-6);
+  }
+}
+
+TEST(Cells, MayShareAPatch) {
+  Cut cut = boxOf({1, 1, 1}, {24, 0});
+  std::vector<uint32_t> map(24);
+  for (uint32_t c = 0; c < 24; ++c) map[c] = c / 4;
+  mapCells(cut.patches, cut.scene, cut.facets, map);
+  ASSERT_EQ(cut.patches.size(), 6u);
+  EXPECT_NEAR(cut.patches.patches[0].area, 1, 1e-6);
+  EXPECT_NEAR(glm::distance(cut.patches.patches[0].centre, Vec3(0, 0.5, 0.5)), 0, 1e-6);
+  // Positions spread over all four cells.
+  std::set<int> quarters;
+  for (const Position& p : positionsOn(cut.facets, cut.patches, 0, 16, 1)) {
+    const Vec3 q = cut.facets.frame.toScene(p.point);
+    quarters.insert((q.y > 0.5 ? 1 : 0) + (q.z > 0.5 ? 2 : 0));
+  }
+  EXPECT_EQ(quarters.size(), 4u);
+}
+
+// Gauss positions integrate polynomials over a cell exactly: degree 2n - 1 on squares, 2n - 2 on triangles.
+TEST(Positions, IntegratePolynomialsExactly) {
+  const Cut square(loadSurfaces({{"q", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}}}), {1, 0});
+  const Cut triangle(loadSurfaces({{"t", {{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}}}}), {1, 0});
+  double onSquare = 0, onTriangle = 0, weights = 0;
+  for (const Position& p : positionsOn(square.facets, square.patches, 0, 9, 1)) {
+    const Vec3 q = square.facets.frame.toScene(p.point);
+    onSquare += p.weight * std::pow(q.x, 5) * std::pow(q.y, 4);
+  }
+  for (const Position& p : positionsOn(triangle.facets, triangle.patches, 0, 9, 1)) {
+    const Vec3 q = triangle.facets.frame.toScene(p.point);
+    onTriangle += p.weight * q.x * q.x * q.y * q.y;
+    weights += p.weight;
+  }
+  EXPECT_NEAR(onSquare, 1.0 / 6 / 5, 1e-9);
+  EXPECT_NEAR(onTriangle, 2 * 4.0 / 720, 1e-9);  // 2 int x^2 y^2 = 2 * 2! 2! / 6!
+  EXPECT_NEAR(weights, 1, 1e-14);
+}
+
+TEST(Positions, LieOnTheirPatchForEveryCount) {
+  const Cut cut(loadSurfaces({{"t", {{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}}}}), {16, 0});
+  for (const int count : {1, 2, 4, 7, 9, 30}) {
+    for (uint32_t i = 0; i < cut.patches.size(); ++i) {
+      double weight = 0;
+      for (const Position& p : positionsOn(cut.facets, cut.patches, i, count, i)) {
+        weight += p.weight;
+        const Vec3 q = cut.facets.frame.toScene(p.point);
+        ASSERT_EQ(cellAt(cut.patches.grids[0], false, q.x, q.y), i);
+      }
+      EXPECT_NEAR(weight, 1, 1e-12);
+    }
+  }
+}
+
+TEST(Gauss, RulesAreTheKnownOnes) {
+  const GaussRule two = gaussLegendre(2);
+  EXPECT_NEAR(two.nodes[0], 0.5 - 0.5 / std::sqrt(3.0), 1e-15);
+  EXPECT_NEAR(two.weights[0], 0.5, 1e-15);
+  double sum = 0;
+  for (const double w : gaussLegendre(31).weights) sum += w;
+  EXPECT_NEAR(sum, 1, 1e-13);
+}
+
+}  // namespace
+}  // namespace farol::test

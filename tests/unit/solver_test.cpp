@@ -1,0 +1,148 @@
+// The solver on systems small enough for paper: F is given, not computed.
+#include "base/error.h"
+#include "solve/solver.h"
+#include "test_scene.h"
+
+#include <gtest/gtest.h>
+
+namespace farol::test {
+namespace {
+
+struct GivenSystem {
+  GivenSystem(const std::vector<std::vector<double>>& rows, const std::vector<double>& rho, const std::vector<double>& emission) : f(rows.size()) {
+    scene.path = "given";
+    scene.surfaces.push_back({"surface", 0, {}, {}, {}, {}, {}});
+    for (uint32_t i = 0; i < rows.size(); ++i) {
+      const auto row = f.row(i);
+      double sum = 0;
+      for (size_t j = 0; j < rows.size(); ++j) {
+        row[j] = static_cast<float>(rows[i][j]);
+        sum += rows[i][j];
+      }
+      f.finish(i, {1 - sum < 1e-7 ? 0 : 1 - sum, 0, 1});
+      Patch p;
+      p.area = 1;
+      p.reflectance = Rgb(rho[i]);
+      p.emission = Rgb(emission[i], 0, 2 * emission[i]);  // green stays dark, blue is twice red
+      patches.patches.push_back(p);
+    }
+  }
+  Solution solve(SolverKind kind, double residual = 1e-10, size_t maxSweeps = 100000) const {
+    SolveOptions o;
+    o.kind = kind;
+    o.residual = residual;
+    o.maxSweeps = maxSweeps;
+    return solveRadiosity(f, patches, scene, o, Log(true));
+  }
+  Scene scene;
+  PatchSet patches;
+  FormFactorMatrix f;
+};
+
+constexpr SolverKind kBoth[] = {SolverKind::gaussSeidel, SolverKind::jacobi};
+
+// Two infinite plates: B1 = (E1 + rho1 E2) / (1 - rho1 rho2) (truth case B3).
+TEST(Solver, SolvesTwoPlates) {
+  const GivenSystem plates({{0, 1}, {1, 0}}, {0.5, 0.8}, {1, 0});
+  for (const SolverKind kind : kBoth) {
+    const Solution s = plates.solve(kind);
+    EXPECT_TRUE(s.converged);
+    EXPECT_NEAR(s.radiosity[0].r, 1 / 0.6, 1e-9);
+    EXPECT_NEAR(s.radiosity[1].r, 0.8 / 0.6, 1e-9);
+    EXPECT_EQ(s.radiosity[0].g, 0.0);  // a channel without light stays exactly 0
+    EXPECT_NEAR(s.radiosity[0].b, 2 / 0.6, 1e-9);
+    EXPECT_NEAR(s.irradiance[0].r, 0.8 / 0.6, 1e-9);
+  }
+}
+
+// The estimate of the contraction: sqrt(rho1 rho2) = 0.632456 is the Jacobi radius of two plates (failures, 18).
+TEST(Solver, EstimatesTheContraction) {
+  const GivenSystem cube({{0, .2, .2, .2, .2, .2}, {.2, 0, .2, .2, .2, .2}, {.2, .2, 0, .2, .2, .2}, {.2, .2, .2, 0, .2, .2}, {.2, .2, .2, .2, 0, .2}, {.2, .2, .2, .2, .2, 0}},
+                         std::vector<double>(6, 0.9), {1, 1, 1, 1, 1, 0});
+  EXPECT_NEAR(cube.solve(SolverKind::jacobi).contraction, 0.9, 0.01);
+}
+
+// Gauss-Seidel needs about half the sweeps of Jacobi (failures, 18).
+TEST(Solver, GaussSeidelHalvesTheSweeps) {
+  const GivenSystem plates({{0, 1}, {1, 0}}, {0.9, 0.9}, {1, 0});
+  const Solution jacobi = plates.solve(SolverKind::jacobi), seidel = plates.solve(SolverKind::gaussSeidel);
+  EXPECT_NEAR(static_cast<double>(seidel.sweeps) / static_cast<double>(jacobi.sweeps), 0.5, 0.15);
+}
+
+// The reported error bounds the true one, also where a small change per sweep is not a small error.
+TEST(Solver, StopsWhenTheErrorIsSmallNotTheChange) {
+  const GivenSystem plates({{0, 1}, {1, 0}}, {0.999, 0.999}, {1, 0});
+  for (const SolverKind kind : kBoth) {
+    const Solution s = plates.solve(kind, 1e-5);
+    const double exact = 0.999 / (1 - 0.999 * 0.999);
+    EXPECT_TRUE(s.converged);
+    EXPECT_NEAR(s.radiosity[1].r, exact, 1.2e-5 * exact);
+  }
+}
+
+TEST(Solver, ReportsThatItDidNotConverge) {
+  const GivenSystem plates({{0, 1}, {1, 0}}, {0.999, 0.999}, {1, 0});
+  for (const SolverKind kind : kBoth) {
+    const Solution s = plates.solve(kind, 1e-9, 5);
+    EXPECT_FALSE(s.converged);
+    EXPECT_EQ(s.sweeps, 5u);
+    EXPECT_GT(s.error, 1e-9);
+  }
+}
+
+TEST(Solver, RefusesLightThatIsNeverAbsorbed) {
+  const GivenSystem closed({{0, 1}, {1, 0}}, {1, 1}, {1, 0});
+  EXPECT_THROW(closed.solve(SolverKind::gaussSeidel), Error);
+  // One absorber is enough, and so is an opening.
+  EXPECT_TRUE(GivenSystem({{0, 1}, {1, 0}}, {1, 0.5}, {1, 0}).solve(SolverKind::gaussSeidel).converged);
+  EXPECT_TRUE(GivenSystem({{0, 0.5}, {0.5, 0}}, {1, 1}, {1, 0}).solve(SolverKind::gaussSeidel).converged);
+}
+
+TEST(Solver, RefusesADivergingSystem) {
+  // Rows of 1.2 with rho 0.97, which no physical F has: the solution would grow without bound.
+  EXPECT_THROW(GivenSystem({{0, 1.2}, {1.2, 0}}, {0.97, 0.97}, {1, 0}).solve(SolverKind::jacobi), Error);
+}
+
+TEST(Solver, LeavesBlackPatchesAsTheyAre) {
+  const GivenSystem s({{0, 1}, {1, 0}}, {0, 0.5}, {3, 0});
+  const Solution r = s.solve(SolverKind::gaussSeidel);
+  EXPECT_EQ(r.radiosity[0].r, 3.0);
+  EXPECT_NEAR(r.irradiance[0].r, 1.5, 1e-12);  // told all the same
+}
+
+TEST(Solver, TakesTheSkyFromWhatRowsMiss) {
+  GivenSystem s({{0, 0.25}, {0.25, 0}}, {0.5, 0.5}, {0, 0});
+  SolveOptions o;
+  o.sky = Rgb(8, 0, 0);
+  const Solution r = solveRadiosity(s.f, s.patches, s.scene, o, Log(true));
+  // H = 0.25 B + 0.75 * 8, B = 0.5 H.
+  EXPECT_NEAR(r.irradiance[0].r, 6 / (1 - 0.125), 1e-4);
+}
+
+TEST(EnergyBalance, ClosesForAReciprocalSystem) {
+  const GivenSystem s({{0, 0.5}, {0.5, 0}}, {0.5, 0.8}, {1, 0});
+  const Solution r = s.solve(SolverKind::gaussSeidel, 1e-12);
+  EXPECT_LT(energyBalance(s.f, s.patches, r, Rgb(0)).relativeError, 1e-9);
+}
+
+// A point source seen from a small patch right below it: H = E A / (pi r^2).
+TEST(LocalIllumination, IsLambertsLawBetweenCentres) {
+  PatchSet set;
+  Patch lamp, floor;
+  lamp.centre = {0, 0, 2};
+  lamp.normal = {0, 0, -1};
+  lamp.area = 0.5;
+  lamp.emission = Rgb(10);
+  floor.centre = {0, 0, 0};
+  floor.normal = {0, 0, 1};
+  floor.area = 1;
+  floor.reflectance = Rgb(0.3);
+  set.patches = {lamp, floor};
+  const Solution s = localIllumination(set, Rgb(0));
+  EXPECT_NEAR(s.irradiance[1].r, 10 * 0.5 / (kPi * 4), 1e-12);
+  EXPECT_NEAR(s.radiosity[1].r, 0.3 * 10 * 0.5 / (kPi * 4), 1e-12);
+  EXPECT_EQ(s.irradiance[0].r, 0.0);
+}
+
+}  // namespace
+}  // namespace farol::test
