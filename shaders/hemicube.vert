@@ -1,6 +1,7 @@
 // Projects welded facet vertices onto one face of the hemicube (or cubic tetrahedron) of each instance.
-// Reads: frames [layers]. One invocation: one facet corner of one hemicube.
-// With LAYERED the instance chooses the array layer; without it each layer is drawn in a pass of its own.
+// Reads: facets [facets], frames [layers], with LAYERED visible [instances]. One invocation: one facet corner of one
+// hemicube. With LAYERED an instance looks its layer up in the list that culling made; without it each layer is drawn
+// in a pass of its own, whole.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #ifdef LAYERED
@@ -12,6 +13,10 @@ layout(push_constant) uniform Push { ItemPush push; };
 layout(std430, set = 0, binding = kBindingFacets) readonly buffer Facets { FacetRecord facets[]; };
 layout(std430, set = 0, binding = kBindingFrames) readonly buffer Frames { HemicubeFrame frames[]; };
 
+#ifdef LAYERED
+layout(std430, set = 0, binding = kBindingVisible) readonly buffer Visible { uint visible[]; };
+#endif
+
 layout(location = 0) in vec3 position;  // [unit coordinates]
 layout(location = 1) in uint corner;    // 4 * facet + corner number
 
@@ -21,7 +26,13 @@ layout(location = 1) flat out uvec4 facet;  // the FacetRecord, fetched here and
 invariant gl_Position;  // shared vertices land on the same pixel: no cracks
 
 void main() {
-  const HemicubeFrame frame = frames[push.layer + gl_InstanceIndex];
+#ifdef LAYERED
+  const uint layer = visible[gl_InstanceIndex];
+  gl_Layer = int(layer);
+#else
+  const uint layer = push.layer;
+#endif
+  const HemicubeFrame frame = frames[layer];
   const vec3 d = position - frame.origin.xyz;
   const vec3 p = vec3(dot(frame.axisX.xyz, d), dot(frame.axisY.xyz, d), dot(frame.axisN.xyz, d));
   const float depth = dot(push.forward.xyz, p);
@@ -35,7 +46,4 @@ void main() {
   if (abs(dot(f.plane.xyz, frame.origin.xyz) - f.plane.w) < push.shift.z) gl_Position = vec4(0.0, 0.0, 1.0, 0.0);
   facet = uvec4(f.frontCell, f.backCell, f.nu, f.nv);
   grid = vec2(f.nu, f.nv != 0u ? f.nv : f.nu) * vec2(k == 1u || k == 2u ? 1.0 : 0.0, k >= 2u ? 1.0 : 0.0);  // a triangle has corners 0, 1, 3
-#ifdef LAYERED
-  gl_Layer = int(gl_InstanceIndex);
-#endif
 }

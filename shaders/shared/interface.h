@@ -10,6 +10,11 @@ using uint = uint32_t;
 struct vec4 {
   float x = 0, y = 0, z = 0, w = 0;
 };
+// From any vector with x, y, z, such as GLM's.
+template <typename Vector>
+vec4 toVec4(const Vector& v, double w = 0) {
+  return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z), static_cast<float>(w)};
+}
 #define FAROL_CONST inline constexpr uint32_t
 #else
 #define FAROL_CONST const uint
@@ -17,8 +22,18 @@ struct vec4 {
 
 // Bindings of the item-buffer pipeline, set 0.
 FAROL_CONST kBindingFacets = 0;  // FacetRecord [facets]
-FAROL_CONST kBindingFrames = 1;  // HemicubeFrame [layers]
-FAROL_CONST kItemBindingCount = 2;
+FAROL_CONST kBindingFrames = 1;   // HemicubeFrame [layers]
+FAROL_CONST kBindingVisible = 2;  // uint [faces x clusters x maxLayers], layers that may see a cluster
+FAROL_CONST kItemBindingCount = 3;
+
+// Bindings of the culling, set 0.
+FAROL_CONST kBindingCullFrames = 0;
+FAROL_CONST kBindingCullClusters = 1;  // ClusterRecord [clusters]
+FAROL_CONST kBindingCullFaces = 2;     // FaceRecord [faces]
+FAROL_CONST kBindingCullVisible = 3;
+FAROL_CONST kBindingCullDraws = 4;  // uint [faces x clusters x 5], indexed indirect draws
+FAROL_CONST kCullBindingCount = 5;
+FAROL_CONST kCullGroupSize = 64;
 
 // Bindings of the reduction, set 0.
 FAROL_CONST kBindingItems = 0;         // uint [layers x pixels], item seen by each pixel
@@ -43,6 +58,23 @@ struct FacetRecord {
   uint nv;         // cells along v; 0 marks a triangle
 };
 
+// Facets that are culled together (48 bytes): an axis-parallel box and a range of the index buffer.
+struct ClusterRecord {
+  vec4 centre;    // [unit coordinates], w unused
+  vec4 halfSize;  // [unit coordinates], w unused
+  uint firstIndex;
+  uint indexCount;
+  uint pad0;
+  uint pad1;
+};
+
+// The pyramid of a face in the frame's own axes (48 bytes): low <= right . p / forward . p <= 1, likewise up.
+struct FaceRecord {
+  vec4 right;  // w: low
+  vec4 up;     // w: bottom
+  vec4 forward;
+};
+
 // Where a hemicube stands (64 bytes): a right-handed frame, axisN the patch normal. xyz used, w is padding.
 struct HemicubeFrame {
   vec4 origin;  // [unit coordinates]
@@ -58,7 +90,7 @@ struct ItemPush {
   vec4 up;       // w: vertical scale
   vec4 forward;  // w: near distance [unit coordinates]
   vec4 shift;    // x, y: shifts; z: facets whose plane is this close to the eye are edge-on; w unused
-  uint layer;    // frame of instance 0
+  uint layer;    // without layered drawing: the frame that is drawn
   uint backItem;  // written where a black back is seen
   uint pad0;
   uint pad1;
@@ -73,6 +105,14 @@ struct ViewPush {
   vec4 rowW;
 };
 
+// Push constants of the culling (16 bytes).
+struct CullPush {
+  uint faces;
+  uint clusters;
+  uint layers;     // of this batch
+  uint maxLayers;  // stride of the lists
+};
+
 // Push constants of the reduction (16 bytes).
 struct ReducePush {
   uint pixels;  // per layer, a multiple of 4
@@ -83,6 +123,7 @@ struct ReducePush {
 
 #ifdef __cplusplus
 static_assert(sizeof(FacetRecord) == 32 && sizeof(HemicubeFrame) == 64);
+static_assert(sizeof(ClusterRecord) == 48 && sizeof(FaceRecord) == 48 && sizeof(CullPush) == 16);
 static_assert(sizeof(ItemPush) == 80 && sizeof(ViewPush) == 80 && sizeof(ReducePush) == 16);
 }  // namespace farol::shader
 #endif

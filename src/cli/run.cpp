@@ -291,7 +291,7 @@ int printDevices() {
   try {
     for (const gpu::DeviceInfo& d : gpu::listDevices()) {
       fmt::print("{}: {} ({}), Vulkan {}, {}, {:.1f} GiB, layered drawing: {}{}\n", d.index, d.name, d.type, d.apiVersion, d.driver,
-                 static_cast<double>(d.memoryBytes) / (1 << 30), d.layeredVertexOutput ? "yes" : "no",
+                 static_cast<double>(d.memoryBytes) / (1 << 30), d.layeredDrawing ? "yes" : "no",
                  d.refusal.empty() ? "" : fmt::format(" - cannot be used: {}", d.refusal));
     }
   } catch (const Error& e) {

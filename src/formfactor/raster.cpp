@@ -1,11 +1,13 @@
 #include "formfactor/raster.h"
 
 #include "base/error.h"
+#include "formfactor/facet_mesh.h"
 #include "patch/positions.h"
 #include "shared/interface.h"
 #include "shaders/hemicube.frag.h"
 #include "shaders/hemicube.vert.LAYERED.h"
 #include "shaders/hemicube.vert.h"
+#include "shaders/hemicube_cull.comp.h"
 #include "shaders/hemicube_reduce.comp.MAPPED.h"
 #include "shaders/hemicube_reduce.comp.h"
 
@@ -18,7 +20,7 @@
 namespace farol {
 namespace {
 
-using shader::vec4;
+using shader::toVec4;
 
 // Near distance, and the distance from a facet's plane at which the eye counts as lying in it, in unit coordinates.
 // Depth is a float in reversed z, so a tiny near distance costs no precision.
@@ -26,10 +28,6 @@ constexpr float kNear = 1e-6f;
 constexpr float kEdgeOn = 4e-7f;  // a few float32 roundings of points at most 0.5 from the centre
 constexpr double kFullHemisphere = 4294967295.0;  // 2^32 - 1, the sum of all delta form factors
 constexpr uint32_t kAllBacks = 0xFFFFFFFFu;       // a position that sees nothing but black backs lies inside a solid
-
-vec4 toVec4(const Vec3& v, double w = 0) {
-  return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z), static_cast<float>(w)};
-}
 
 std::vector<shader::FacetRecord> facetRecords(const FacetSet& facets, const PatchSet& patches) {
   std::vector<shader::FacetRecord> records;
@@ -51,6 +49,12 @@ std::vector<uint32_t> itemBins(const PatchSet& patches) {
   for (const uint32_t patch : patches.cellMap) bins.push_back(patch == kNone ? count + 1 : patch);
   bins.insert(bins.end(), {count, count + 1});
   return bins;
+}
+
+std::vector<shader::FaceRecord> faceRecordsOf(const ProjectionLayout& layout) {
+  std::vector<shader::FaceRecord> records;
+  for (const ProjectionFace& f : layout.faces) records.push_back({toVec4(f.right, f.low), toVec4(f.up, f.bottom), toVec4(f.forward)});
+  return records;
 }
 
 bool isIdentity(const PatchSet& patches) {
@@ -102,27 +106,11 @@ struct Accumulator {
 
 }  // namespace
 
-FacetMesh buildFacetMesh(const FacetSet& facets) {
-  FacetMesh mesh;
-  for (uint32_t f = 0; f < facets.facets.size(); ++f) {
-    const Facet& facet = facets.facets[f];
-    const auto first = static_cast<uint32_t>(mesh.vertices.size());
-    for (uint32_t k = 0; k < facet.cornerCount(); ++k) {
-      const Vec3& p = facets.points[facet.corners[k]];
-      const uint32_t corner = !facet.parallelogram && k == 2 ? 3 : k;  // a triangle's third corner is at (0,1)
-      mesh.vertices.push_back({static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z), 4 * f + corner});
-    }
-    mesh.indices.insert(mesh.indices.end(), {first, first + 1, first + 2});
-    if (facet.parallelogram) mesh.indices.insert(mesh.indices.end(), {first, first + 2, first + 3});
-  }
-  return mesh;
-}
-
 struct RasterRowMaker::Impl {
   // One of two batches under way: while the device works on one, the host stores the rows of the other.
   struct Slot {
     gpu::Buffer frames, rows;
-    gpu::Bindings drawBindings;
+    gpu::Bindings cullBindings, drawBindings;
     gpu::Commands commands;
     std::vector<Hemicube> hemicubes;
   };
@@ -136,31 +124,40 @@ struct RasterRowMaker::Impl {
         pixels(layout.width * layout.height),
         bins(static_cast<uint32_t>(p.size()) + 2),
         layers(chooseLayers()),
-        layered(o.layered && d.info().layeredVertexOutput),
-        mesh(buildFacetMesh(f)),
-        indexCount(static_cast<uint32_t>(mesh.indices.size())),
+        layered(o.layered && d.info().layeredDrawing),
+        clusters(buildClusters(f)),
+        clusterCount(static_cast<uint32_t>(clusters.records.size())),
+        mesh(buildFacetMesh(f, clusters.order)),
         vertices(gpu::upload(d, "facet vertices", mesh.vertices)),
         indices(gpu::upload(d, "facet indices", mesh.indices)),
         records(gpu::upload(d, "facet records", facetRecords(f, p))),
         binOfItem(gpu::upload(d, "item bins", itemBins(p))),
         deltaFactors(gpu::upload(d, "delta form factors", quantisedFormFactors(o.projection, o.resolution))),
+        clusterRecords(gpu::upload(d, "clusters", clusters.records)),
+        faceRecords(gpu::upload(d, "faces", faceRecordsOf(layout))),
+        visible(d, "visible layers", uint64_t{4} * layout.faces.size() * clusterCount * layers, gpu::Memory::device),
+        draws(d, "draws", uint64_t{20} * layout.faces.size() * clusterCount, gpu::Memory::device),
         target(d, "item buffer", layout.width, layout.height, layers, {gpu::Format::uint32}),
         items(d, "items", uint64_t{4} * pixels * layers, gpu::Memory::device),
         sums(d, "row sums", uint64_t{4} * bins * layers, gpu::Memory::device),
         draw(d, "hemicube", layered ? gpu::Spirv(hemicube_vert_LAYERED) : gpu::Spirv(hemicube_vert), hemicube_frag,
              {gpu::Format::uint32}, shader::kItemBindingCount, sizeof(shader::ItemPush)),
+        cull(d, "hemicube culling", hemicube_cull_comp, shader::kCullBindingCount, sizeof(shader::CullPush)),
         reduce(d, "hemicube reduction", isIdentity(p) ? gpu::Spirv(hemicube_reduce_comp) : gpu::Spirv(hemicube_reduce_comp_MAPPED), shader::kReduceBindingCount, sizeof(shader::ReducePush)),
         reduceBindings(d, "hemicube reduction", {&items, &deltaFactors, &binOfItem, &sums}) {
     for (const char* name : {"batch A", "batch B"}) {
       gpu::Buffer frames(d, fmt::format("{} frames", name), sizeof(shader::HemicubeFrame) * layers, gpu::Memory::upload);
       gpu::Buffer rows(d, fmt::format("{} rows", name), uint64_t{4} * bins * layers, gpu::Memory::download);
-      gpu::Bindings bindings(d, name, {&records, &frames});
-      slots.push_back({std::move(frames), std::move(rows), std::move(bindings), gpu::Commands(d, name), {}});
+      gpu::Bindings cullBindings(d, fmt::format("{} culling", name), {&frames, &clusterRecords, &faceRecords, &visible, &draws});
+      gpu::Bindings drawBindings(d, name, {&records, &frames, &visible});
+      slots.push_back({std::move(frames), std::move(rows), std::move(cullBindings), std::move(drawBindings), gpu::Commands(d, name), {}});
     }
   }
 
-  // Colour, depth and items per pixel; sums and two downloads per bin.
-  uint64_t bytesPerLayer() const { return uint64_t{12} * pixels + uint64_t{12} * bins; }
+  // Colour, depth and items per pixel; sums and two downloads per bin; lists of visible clusters.
+  uint64_t bytesPerLayer() const {
+    return uint64_t{12} * pixels + uint64_t{12} * bins + uint64_t{4} * layout.faces.size() * clusterCountOf(facets);
+  }
 
   uint32_t chooseLayers() const {
     const gpu::Limits& limits = device.limits();
@@ -175,24 +172,30 @@ struct RasterRowMaker::Impl {
     return static_cast<uint32_t>(count);
   }
 
+  void drawFacets(gpu::Commands& commands, uint32_t face) {
+    if (layered) commands.drawIndirect(draws, face * clusterCount, clusterCount);
+    else commands.drawIndexed(static_cast<uint32_t>(mesh.indices.size()));
+  }
+
   void drawLayers(gpu::Commands& commands, uint32_t first, uint32_t count) {
     const auto nothing = static_cast<uint32_t>(patches.cells.size()), backItem = nothing + 1;
     commands.beginRaster(target, first, count, nothing);
-    for (const ProjectionFace& face : layout.faces) {
+    for (uint32_t k = 0; k < layout.faces.size(); ++k) {
+      const ProjectionFace& face = layout.faces[k];
       // x in [low, 1] * depth becomes clip.x in [-1, 1] * depth.
       const double scaleX = 2 / (1 - face.low), scaleY = 2 / (1 - face.bottom);
       shader::ItemPush push{toVec4(face.right, scaleX), toVec4(face.up, scaleY), toVec4(face.forward, kNear),
-                            toVec4({1 - scaleX, 1 - scaleY, kEdgeOn}), first, backItem, 0, 0};
+                            toVec4(Vec3(1 - scaleX, 1 - scaleY, kEdgeOn)), first, backItem, 0, 0};
       commands.viewport(face.x, face.y, face.width, face.height);
       commands.push(push);
       if (facets.hasTwins) {  // back to back at the same depth: fronts come first and equal depths do not replace
         commands.faces(gpu::Faces::front);
-        commands.drawIndexed(indexCount, count);
+        drawFacets(commands, k);
         commands.faces(gpu::Faces::back);
-        commands.drawIndexed(indexCount, count);
+        drawFacets(commands, k);
       } else {
         commands.faces(gpu::Faces::all);
-        commands.drawIndexed(indexCount, count);
+        drawFacets(commands, k);
       }
     }
     commands.endRaster();
@@ -207,6 +210,12 @@ struct RasterRowMaker::Impl {
     gpu::Commands& commands = slot.commands;
     commands.begin();
     commands.fill(sums, uint64_t{4} * bins * count, 0);
+    if (layered) {
+      const auto faces = static_cast<uint32_t>(layout.faces.size());
+      commands.bind(cull, slot.cullBindings);
+      commands.push(shader::CullPush{faces, clusterCount, count, layers});
+      commands.dispatch((faces * clusterCount + shader::kCullGroupSize - 1) / shader::kCullGroupSize, 1);
+    }
     commands.bind(draw, slot.drawBindings);
     commands.bindMesh(vertices, indices);
     if (layered) {
@@ -309,13 +318,14 @@ struct RasterRowMaker::Impl {
   ProjectionLayout layout;
   uint32_t pixels, bins, layers;
   bool layered;
+  FacetClusters clusters;
+  uint32_t clusterCount;
   FacetMesh mesh;
-  uint32_t indexCount;
-  gpu::Buffer vertices, indices, records, binOfItem, deltaFactors;
+  gpu::Buffer vertices, indices, records, binOfItem, deltaFactors, clusterRecords, faceRecords, visible, draws;
   gpu::RasterTarget target;
   gpu::Buffer items, sums;
   gpu::RasterPipeline draw;
-  gpu::ComputePipeline reduce;
+  gpu::ComputePipeline cull, reduce;
   gpu::Bindings reduceBindings;
   std::vector<Slot> slots;
   tbb::enumerable_thread_specific<Accumulator> scratch;

@@ -37,15 +37,4 @@ class RasterRowMaker : public RowMaker {
   std::unique_ptr<Impl> impl_;
 };
 
-// Vertex and index data of all facets: 16 bytes per corner (position in unit coordinates, then 4 * facet + corner).
-struct FacetMesh {
-  struct Vertex {
-    float x, y, z;
-    uint32_t corner;
-  };
-  std::vector<Vertex> vertices;
-  std::vector<uint32_t> indices;
-};
-FacetMesh buildFacetMesh(const FacetSet& facets);
-
 }  // namespace farol

@@ -167,8 +167,11 @@ void Commands::push(std::span<const std::byte> constants) {
   impl_->device.vk.vkCmdPushConstants(impl_->buffer, impl_->bound->layout, kAllStages, 0, static_cast<uint32_t>(constants.size()), constants.data());
 }
 
-void Commands::drawIndexed(uint32_t indexCount, uint32_t instances) {
-  impl_->device.vk.vkCmdDrawIndexed(impl_->buffer, indexCount, instances, 0, 0, 0);
+void Commands::drawIndexed(uint32_t indexCount) { impl_->device.vk.vkCmdDrawIndexed(impl_->buffer, indexCount, 1, 0, 0, 0); }
+
+void Commands::drawIndirect(const Buffer& draws, uint32_t first, uint32_t count) {
+  constexpr uint32_t kStride = sizeof(VkDrawIndexedIndirectCommand);
+  impl_->device.vk.vkCmdDrawIndexedIndirect(impl_->buffer, draws.impl().buffer, uint64_t{kStride} * first, count, kStride);
 }
 
 void Commands::endRaster() { impl_->device.vk.vkCmdEndRendering(impl_->buffer); }
@@ -191,10 +194,12 @@ void Commands::copyColor(const RasterTarget& target, uint32_t color, uint32_t la
 
 void Commands::dispatch(uint32_t x, uint32_t y) {
   impl_->device.vk.vkCmdDispatch(impl_->buffer, x, y, 1);
-  // compute -> copies, and later dispatches
+  // compute -> copies, later dispatches, and draws that read lists
   impl_->barrier(VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT, VK_ACCESS_2_SHADER_WRITE_BIT,
-                 VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT | VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT,
-                 VK_ACCESS_2_TRANSFER_READ_BIT | VK_ACCESS_2_SHADER_READ_BIT | VK_ACCESS_2_SHADER_WRITE_BIT);
+                 VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT | VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT |
+                     VK_PIPELINE_STAGE_2_DRAW_INDIRECT_BIT | VK_PIPELINE_STAGE_2_VERTEX_SHADER_BIT,
+                 VK_ACCESS_2_TRANSFER_READ_BIT | VK_ACCESS_2_SHADER_READ_BIT | VK_ACCESS_2_SHADER_WRITE_BIT |
+                     VK_ACCESS_2_INDIRECT_COMMAND_READ_BIT);
 }
 
 void Commands::submit() {

@@ -161,7 +161,8 @@ std::vector<std::pair<VkPhysicalDevice, DeviceInfo>> enumerate(VkInstance instan
       features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
       features.pNext = &features12;
       vkGetPhysicalDeviceFeatures2(handles[i], &features);
-      info.layeredVertexOutput = features12.shaderOutputLayer == VK_TRUE;
+      info.layeredDrawing = features12.shaderOutputLayer == VK_TRUE && features.features.drawIndirectFirstInstance == VK_TRUE &&
+                            features.features.multiDrawIndirect == VK_TRUE;
     }
     VkPhysicalDeviceMemoryProperties memory{};
     vkGetPhysicalDeviceMemoryProperties(handles[i], &memory);
@@ -201,12 +202,17 @@ void createLogicalDevice(Device::Impl& d) {
   VkPhysicalDeviceVulkan12Features features12{};
   features12.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES;
   features12.pNext = &features13;
-  features12.shaderOutputLayer = d.info.layeredVertexOutput ? VK_TRUE : VK_FALSE;
+  const VkBool32 layered = d.info.layeredDrawing ? VK_TRUE : VK_FALSE;
+  features12.shaderOutputLayer = layered;
+  VkPhysicalDeviceFeatures features10{};
+  features10.drawIndirectFirstInstance = layered;
+  features10.multiDrawIndirect = layered;
   VkDeviceCreateInfo creation{};
   creation.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
   creation.pNext = &features12;
   creation.queueCreateInfoCount = 1;
   creation.pQueueCreateInfos = &queue;
+  creation.pEnabledFeatures = &features10;
   check(vkCreateDevice(d.physical, &creation, nullptr, &d.device), "open Vulkan device " + d.info.name);
   volkLoadDeviceTable(&d.vk, d.device);
   d.vk.vkGetDeviceQueue(d.device, d.queueFamily, 0, &d.queue);

@@ -16,7 +16,7 @@ struct DeviceInfo {
   uint32_t index = 0;
   std::string name, type, driver, apiVersion;
   uint64_t memoryBytes = 0;
-  bool layeredVertexOutput = false;  // gl_Layer may be written by vertex shaders
+  bool layeredDrawing = false;  // vertex shaders may choose the layer, indirect draws their first instance
   std::string refusal;               // why the device cannot be used; empty when it can
 };
 
@@ -175,7 +175,8 @@ class Commands {
   void push(const T& constants) {
     push(std::as_bytes(std::span(&constants, 1)));
   }
-  void drawIndexed(uint32_t indexCount, uint32_t instances);
+  void drawIndexed(uint32_t indexCount);
+  void drawIndirect(const Buffer& draws, uint32_t first, uint32_t count);  // indexed, 5 x uint32 each
   void endRaster();
   void copyColor(const RasterTarget& target, uint32_t color, uint32_t layers, const Buffer& to);
   void dispatch(uint32_t x, uint32_t y);

@@ -21,7 +21,7 @@ Buffer::Buffer(const Device& device, const std::string& name, uint64_t bytes, Me
   info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
   info.size = impl_->bytes;
   info.usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_VERTEX_BUFFER_BIT | VK_BUFFER_USAGE_INDEX_BUFFER_BIT |
-               VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
+               VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT |               VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
   check(d.vk.vkCreateBuffer(d.device, &info, nullptr, &impl_->buffer), "create buffer " + name);
   VkMemoryRequirements needs{};
   d.vk.vkGetBufferMemoryRequirements(d.device, impl_->buffer, &needs);

@@ -1,6 +1,6 @@
 #include "view/view.h"
 
-#include "formfactor/raster.h"
+#include "formfactor/facet_mesh.h"
 #include "shared/interface.h"
 #include "shaders/view.frag.h"
 #include "shaders/view.vert.h"
@@ -44,9 +44,7 @@ Projection4 projectionOf(const Camera& camera, double aspect, double sceneSize, 
   return p;
 }
 
-shader::vec4 toVec4(const Row& r) {
-  return {static_cast<float>(r.x), static_cast<float>(r.y), static_cast<float>(r.z), static_cast<float>(r.w)};
-}
+shader::vec4 rowOf(const Row& r) { return shader::toVec4(r, r.w); }
 
 class Shader {
  public:
@@ -141,8 +139,8 @@ Image renderView(const gpu::Device& device, const Scene& scene, const FacetSet& 
       // The tile's part of the picture becomes the whole of the clip space.
       const double scaleX = static_cast<double>(options.width) / tileWidth, scaleY = static_cast<double>(options.height) / tileHeight;
       const double shiftX = scaleX - 1 - 2.0 * x0 / tileWidth, shiftY = scaleY - 1 - 2.0 * y0 / tileHeight;
-      const shader::ViewPush push{toVec4(Row(origin, 0)), toVec4(scaleX * whole.x + shiftX * whole.w),
-                                  toVec4(scaleY * whole.y + shiftY * whole.w), toVec4(whole.z), toVec4(whole.w)};
+      const shader::ViewPush push{shader::toVec4(origin), rowOf(scaleX * whole.x + shiftX * whole.w),
+                                  rowOf(scaleY * whole.y + shiftY * whole.w), rowOf(whole.z), rowOf(whole.w)};
       commands.begin();
       commands.bind(pipeline, bindings);
       commands.bindMesh(vertices, indices);
@@ -150,7 +148,7 @@ Image renderView(const gpu::Device& device, const Scene& scene, const FacetSet& 
       commands.viewport(0, 0, sampleWidth, sampleHeight);
       commands.faces(camera.frontFacesOnly ? gpu::Faces::front : gpu::Faces::all);
       commands.push(push);
-      commands.drawIndexed(static_cast<uint32_t>(mesh.indices.size()), 1);
+      commands.drawIndexed(static_cast<uint32_t>(mesh.indices.size()));
       commands.endRaster();
       commands.copyColor(target, 0, 1, seen);
       commands.copyColor(target, 1, 1, uv);
