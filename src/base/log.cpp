@@ -55,12 +55,14 @@ void Progress::print(double seconds) {
   const double left = rate > 0 ? static_cast<double>(total_ - std::min(done_, total_)) / rate : 0;
   const double share = total_ > 0 ? static_cast<double>(done_) / static_cast<double>(total_) : 1;
   std::string bar;
-  if (terminal_) {
+  if (terminal_) bar = "\r\033[K";
+  if (terminal_ && total_ > 0) {
     const auto filled = static_cast<size_t>(std::clamp(share, 0.0, 1.0) * 24);
-    bar = fmt::format("\r\033[K[{}{}] ", std::string(filled, '#'), std::string(24 - filled, '.'));
+    bar += fmt::format("[{}{}] ", std::string(filled, '#'), std::string(24 - filled, '.'));
   }
-  fmt::print(stderr, "{}{}: {} of {} {}, {:.0f} {}/s, {:.0f} s left{}", bar, what_, done_, total_, unit_, rate, unit_,
-             left, terminal_ ? "" : "\n");
+  const std::string counts = total_ > 0 ? fmt::format("{} of {} {}, {:.0f} {}/s, {:.0f} s left", done_, total_, unit_, rate, unit_, left)
+                                        : fmt::format("{} {}, {:.1f} {}/s", done_, unit_, rate, unit_);
+  fmt::print(stderr, "{}{}: {}{}", bar, what_, counts, terminal_ ? "" : "\n");
   std::fflush(stderr);
 }
 

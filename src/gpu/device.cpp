@@ -246,12 +246,12 @@ Device::Impl::~Impl() {
 
 void Device::Impl::setName(VkObjectType type, uint64_t handle, const std::string& text) const {
   if (!debugNames) return;
-  VkDebugUtilsObjectNameInfoEXT info{};
-  info.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_OBJECT_NAME_INFO_EXT;
-  info.objectType = type;
-  info.objectHandle = handle;
-  info.pObjectName = text.c_str();
-  vkSetDebugUtilsObjectNameEXT(device, &info);
+  VkDebugUtilsObjectNameInfoEXT label{};
+  label.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_OBJECT_NAME_INFO_EXT;
+  label.objectType = type;
+  label.objectHandle = handle;
+  label.pObjectName = text.c_str();
+  vkSetDebugUtilsObjectNameEXT(device, &label);
 }
 
 VkDeviceMemory Device::Impl::allocate(const VkMemoryRequirements& needs, VkMemoryPropertyFlags wanted,

@@ -178,7 +178,7 @@ Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, cons
   System system(f, patches, options.sky);
   Channels& b = system.radiosity;
   Solution result;
-  Progress progress(log, "solve", "sweeps", options.maxSweeps);
+  Progress progress(log, "solve", "sweeps", 0);
 
   double bound = 0;  // no operator norm exceeds this
   for (const size_t i : system.reflecting) bound = std::max(bound, maxChannel(patches.patches[i].reflectance) * system.rowSum(i));

@@ -50,6 +50,10 @@ TEST(RasterRows, SumToExactlyOneInAClosedSceneWithMatchedEdges) {
       }
     }
   }
+  RasterOptions several;  // each position by itself is exact, and so is their mean
+  several.positions = 9;
+  const RasterRun run = made(closedBox({1, 2, 3}), several);
+  for (uint32_t i = 0; i < run.patches.size(); ++i) ASSERT_EQ(run.f.shares(i).missed + run.f.shares(i).backs, 0.0) << i;
 }
 
 TEST(RasterRows, AreTheSameForEveryBatchSizeAndRun) {

@@ -57,7 +57,8 @@ TEST(SceneLoader, NamesSurfacesByNodeAndPrimitive) {
   j["nodes"].push_back({{"mesh", 0}});
   j["scenes"][0]["nodes"] = {0, 1, 2};
   std::vector<std::string> names;
-  for (const Surface& s : load(j).surfaces) names.push_back(s.name);
+  const Scene scene = load(j);
+  for (const Surface& s : scene.surfaces) names.push_back(s.name);
   EXPECT_THAT(names, ::testing::ElementsAre("square", "square#2", "square~2", "square#2~2", "node2", "node2#2"));
 }
 
@@ -95,7 +96,8 @@ TEST(SceneLoader, ReadsQuantisedPositions) {
   j["extensionsRequired"] = {"KHR_mesh_quantization"};
   j["accessors"][0]["componentType"] = 5121;  // the bytes of the floats, read as such: finite numbers from 0 to 255
   j["accessors"][0]["normalized"] = true;
-  for (const Vec3& p : load(j).surfaces[0].positions) EXPECT_LE(p.x, 1.0);
+  const Scene scene = load(j);
+  for (const Vec3& p : scene.surfaces[0].positions) EXPECT_LE(p.x, 1.0);
 }
 
 TEST(SceneLoader, ReadsEmissionStrengthAndTheExactOverride) {
