@@ -2,9 +2,8 @@
 #include "base/signals.h"
 #include "cli/run.h"
 
-#include <fmt/format.h>
-
 #include <cstdio>
+#include <fmt/format.h>
 #include <new>
 
 // Every failure ends here, as one line and an exit code (listed by --help).

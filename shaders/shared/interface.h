@@ -21,7 +21,7 @@ vec4 toVec4(const Vector& v, double w = 0) {
 #endif
 
 // Bindings of the item-buffer pipeline, set 0.
-FAROL_CONST kBindingFacets = 0;  // FacetRecord [facets]
+FAROL_CONST kBindingFacets = 0;   // FacetRecord [facets]
 FAROL_CONST kBindingFrames = 1;   // HemicubeFrame [layers]
 FAROL_CONST kBindingVisible = 2;  // uint [faces x clusters x maxLayers], layers that may see a cluster
 FAROL_CONST kItemBindingCount = 3;
@@ -86,11 +86,11 @@ struct HemicubeFrame {
 // One face of the hemicube or tetrahedron, in the frame's own axes (80 bytes, push constants).
 // clip.x = right . p * right.w + shift.x * depth, clip.y likewise with up, depth = forward . p.
 struct ItemPush {
-  vec4 right;    // w: horizontal scale
-  vec4 up;       // w: vertical scale
-  vec4 forward;  // w: near distance [unit coordinates]
-  vec4 shift;    // x, y: shifts; z: facets whose plane is this close to the eye are edge-on; w unused
-  uint layer;    // without layered drawing: the frame that is drawn
+  vec4 right;     // w: horizontal scale
+  vec4 up;        // w: vertical scale
+  vec4 forward;   // w: near distance [unit coordinates]
+  vec4 shift;     // x, y: shifts; z: facets whose plane is this close to the eye are edge-on; w unused
+  uint layer;     // without layered drawing: the frame that is drawn
   uint backItem;  // written where a black back is seen
   uint pad0;
   uint pad1;

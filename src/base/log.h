@@ -24,8 +24,8 @@ class Log {
 };
 
 // Progress of one stage of counted work: a bar with rate and time left on a terminal, a plain line
-// every few seconds elsewhere, nothing when quiet. A total of 0 means that the end is not known. Every update also ends the work with Interrupted
-// when a signal has arrived.
+// every few seconds elsewhere, nothing when quiet. A total of 0 means that the end is not known. Every update also ends
+// the work with Interrupted when a signal has arrived.
 class Progress {
  public:
   Progress(const Log& log, std::string what, std::string unit, size_t total);

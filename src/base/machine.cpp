@@ -19,8 +19,12 @@ uint64_t kilobyteLine(const char* file, const std::string& key) {
 
 }  // namespace
 
-uint64_t peakMemoryBytes() { return kilobyteLine("/proc/self/status", "VmHWM:"); }
-uint64_t availableMemoryBytes() { return kilobyteLine("/proc/meminfo", "MemAvailable:"); }
+uint64_t peakMemoryBytes() {
+  return kilobyteLine("/proc/self/status", "VmHWM:");
+}
+uint64_t availableMemoryBytes() {
+  return kilobyteLine("/proc/meminfo", "MemAvailable:");
+}
 
 void StageClock::finish(const std::string& name) {
   const double now = watch_.seconds();
@@ -36,6 +40,8 @@ double StageClock::secondsOf(const std::string& name) const {
   return sum;
 }
 
-double StageClock::totalSeconds() const { return last_; }
+double StageClock::totalSeconds() const {
+  return last_;
+}
 
 }  // namespace farol

@@ -1,13 +1,12 @@
 // Vectors and constants that every room uses. Geometry on the CPU is in double precision.
 #pragma once
 
-#include <glm/geometric.hpp>
-#include <glm/vec2.hpp>
-#include <glm/vec3.hpp>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <glm/geometric.hpp>
+#include <glm/vec2.hpp>
+#include <glm/vec3.hpp>
 
 namespace farol {
 
@@ -17,9 +16,15 @@ using Rgb = glm::dvec3;  // three independent channels: red, green, blue
 
 inline constexpr double kPi = 3.14159265358979323846;
 
-inline double maxChannel(const Rgb& c) { return std::max({c.r, c.g, c.b}); }
-inline double minChannel(const Rgb& c) { return std::min({c.r, c.g, c.b}); }
-inline double luminance(const Rgb& c) { return 0.2126 * c.r + 0.7152 * c.g + 0.0722 * c.b; }  // BT.709
+inline double maxChannel(const Rgb& c) {
+  return std::max({c.r, c.g, c.b});
+}
+inline double minChannel(const Rgb& c) {
+  return std::min({c.r, c.g, c.b});
+}
+inline double luminance(const Rgb& c) {
+  return 0.2126 * c.r + 0.7152 * c.g + 0.0722 * c.b;
+}  // BT.709
 
 // A unit vector at right angles to the unit vector n.
 inline Vec3 anyPerpendicular(const Vec3& n) {
@@ -36,6 +41,8 @@ inline uint64_t mixBits(uint64_t x) {
 }
 
 // A number in [0, 1) from the 53 high bits.
-inline double unitFromBits(uint64_t bits) { return static_cast<double>(bits >> 11) * 0x1p-53; }
+inline double unitFromBits(uint64_t bits) {
+  return static_cast<double>(bits >> 11) * 0x1p-53;
+}
 
 }  // namespace farol

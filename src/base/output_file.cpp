@@ -2,12 +2,11 @@
 
 #include "base/error.h"
 
-#include <fmt/format.h>
-#include <unistd.h>
-
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <fmt/format.h>
+#include <unistd.h>
 
 namespace farol {
 namespace fs = std::filesystem;

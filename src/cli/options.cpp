@@ -3,15 +3,16 @@
 #include "base/error.h"
 
 #include <CLI/CLI.hpp>
-
 #include <map>
 #include <vector>
 
 namespace farol {
 namespace {
 
-const std::map<std::string, Projection> kProjections = {{"hemicube", Projection::hemicube}, {"tetrahedron", Projection::tetrahedron}};
-const std::map<std::string, SolverKind> kSolvers = {{"gauss-seidel", SolverKind::gaussSeidel}, {"jacobi", SolverKind::jacobi}};
+const std::map<std::string, Projection> kProjections = {{"hemicube", Projection::hemicube},
+                                                        {"tetrahedron", Projection::tetrahedron}};
+const std::map<std::string, SolverKind> kSolvers = {{"gauss-seidel", SolverKind::gaussSeidel},
+                                                    {"jacobi", SolverKind::jacobi}};
 
 std::string endingOf(const std::string& path) {
   const size_t dot = path.rfind('.');
@@ -29,51 +30,79 @@ CLI::Validator inRange(T low, T high) {
   return CLI::Validator(
       [low, high](std::string& text) -> std::string {
         T value{};
-        if (!CLI::detail::lexical_cast(text, value)) return fmt::format("{} is not a number from {} to {}", text, low, high);
-        if (!(value >= low && value <= high)) return fmt::format("{} is outside the range from {} to {}", text, low, high);
+        if (!CLI::detail::lexical_cast(text, value))
+          return fmt::format("{} is not a number from {} to {}", text, low, high);
+        if (!(value >= low && value <= high))
+          return fmt::format("{} is outside the range from {} to {}", text, low, high);
         return "";
       },
       fmt::format("{}..{}", low, high));
 }
 
-void addScene(CLI::App* app, Options& o) { app->add_option("SCENE", o.scene, "glTF 2.0 scene (.gltf or .glb)")->required(); }
+void addScene(CLI::App* app, Options& o) {
+  app->add_option("SCENE", o.scene, "glTF 2.0 scene (.gltf or .glb)")->required();
+}
 
 void addPatches(CLI::App* app, Options& o) {
-  auto* count = app->add_option("--patches", o.patches, "About so many patches")->check(inRange<size_t>(1, 1u << 30))->group("Patches");
+  auto* count = app->add_option("--patches", o.patches, "About so many patches")
+                    ->check(inRange<size_t>(1, 1u << 30))
+                    ->group("Patches");
   app->add_option("--patch-size", o.patchSize, "Longest cell edge [scene units], instead of --patches")
-      ->check(CLI::Validator([](std::string& text) {
-        double value = 0;
-        return CLI::detail::lexical_cast(text, value) && value > 0 && std::isfinite(value) ? "" : text + " is not a length above 0";
-      }, "LENGTH"))
-      ->excludes(count)->group("Patches");
+      ->check(CLI::Validator(
+          [](std::string& text) {
+            double value = 0;
+            return CLI::detail::lexical_cast(text, value) && value > 0 && std::isfinite(value)
+                       ? ""
+                       : text + " is not a length above 0";
+          },
+          "LENGTH"))
+      ->excludes(count)
+      ->group("Patches");
 }
 
 void addFormFactors(CLI::App* app, Options& o, RawOptions& raw) {
-  app->add_option("--method", o.method, "How rows of F are made")->check(CLI::IsMember({"auto", "raster"}))->group("Form factors");
+  app->add_option("--method", o.method, "How rows of F are made")
+      ->check(CLI::IsMember({"auto", "raster"}))
+      ->group("Form factors");
   app->add_option("--resolution", o.resolution, "Pixels along a hemicube's edge, even")
       ->check(inRange<uint32_t>(8, 1024))
-      ->check(CLI::Validator([](std::string& text) { return std::stoul(text) % 2 == 0 ? "" : text + " is not even"; }, ""))
+      ->check(
+          CLI::Validator([](std::string& text) { return std::stoul(text) % 2 == 0 ? "" : text + " is not even"; }, ""))
       ->group("Form factors");
-  app->add_option("--projection", raw.projection, "hemicube or tetrahedron")->check(CLI::IsMember({"hemicube", "tetrahedron"}))->group("Form factors");
-  app->add_option("--positions", o.positions, "Hemicubes per patch, spread over its area")->check(inRange<int>(1, 4096))->group("Form factors");
-  app->add_option("--seed", o.seed, "Turns of the hemicubes about the normal")->check(inRange<uint64_t>(0, UINT64_MAX))->group("Form factors");
+  app->add_option("--projection", raw.projection, "hemicube or tetrahedron")
+      ->check(CLI::IsMember({"hemicube", "tetrahedron"}))
+      ->group("Form factors");
+  app->add_option("--positions", o.positions, "Hemicubes per patch, spread over its area")
+      ->check(inRange<int>(1, 4096))
+      ->group("Form factors");
+  app->add_option("--seed", o.seed, "Turns of the hemicubes about the normal")
+      ->check(inRange<uint64_t>(0, UINT64_MAX))
+      ->group("Form factors");
   app->add_option("--sky", raw.sky, "Radiosity r,g,b of what lies outside the scene")->group("Light");
 }
 
 void addSolve(CLI::App* app, Options& o, RawOptions& raw) {
-  app->add_option("--solver", raw.solver, "gauss-seidel or jacobi")->check(CLI::IsMember({"gauss-seidel", "jacobi"}))->group("Solution");
+  app->add_option("--solver", raw.solver, "gauss-seidel or jacobi")
+      ->check(CLI::IsMember({"gauss-seidel", "jacobi"}))
+      ->group("Solution");
   app->add_option("--residual", o.residual, "Stop at this error of B, relative to the mean of non-emitters")
-      ->check(inRange<double>(1e-14, 1))->group("Solution");
-  app->add_option("--max-sweeps", o.maxSweeps, "Stop after so many sweeps (exit code 3)")->check(inRange<size_t>(1, 1000000000))->group("Solution");
+      ->check(inRange<double>(1e-14, 1))
+      ->group("Solution");
+  app->add_option("--max-sweeps", o.maxSweeps, "Stop after so many sweeps (exit code 3)")
+      ->check(inRange<size_t>(1, 1000000000))
+      ->group("Solution");
   app->add_option("--illumination", raw.illumination, "global, or local: emitters as points, nothing in between")
-      ->check(CLI::IsMember({"global", "local"}))->group("Solution");
+      ->check(CLI::IsMember({"global", "local"}))
+      ->group("Solution");
   app->add_option("--patches-csv", o.patchesCsv, "Write a line per patch")->group("Results");
 }
 
 void addMachine(CLI::App* app, Options& o) {
-  app->add_option("--device", o.device, "Vulkan device by index or part of its name (farol devices lists them)")->group("Machine");
+  app->add_option("--device", o.device, "Vulkan device by index or part of its name (farol devices lists them)")
+      ->group("Machine");
   app->add_option("--memory", o.memory, "Memory for form factors, such as 4G; 0: four fifths of what is free")
-      ->transform(CLI::AsSizeValue(false))->group("Machine");
+      ->transform(CLI::AsSizeValue(false))
+      ->group("Machine");
   app->add_option("--threads", o.threads, "CPU threads; 0: all")->check(inRange<int>(0, 4096))->group("Machine");
   app->add_option("--report", o.report, "Write all figures of the run as JSON")->group("Results");
 }
@@ -99,7 +128,8 @@ void parseSize(const std::string& text, Options& o) {
   constexpr unsigned kMax = 32768;
   const std::vector<std::string> parts = CLI::detail::split(text, 'x');
   unsigned w = 0, h = 0;
-  const bool good = parts.size() == 2 && CLI::detail::lexical_cast(parts[0], w) && CLI::detail::lexical_cast(parts[1], h);
+  const bool good =
+      parts.size() == 2 && CLI::detail::lexical_cast(parts[0], w) && CLI::detail::lexical_cast(parts[1], h);
   if (!good || w < 1 || h < 1 || w > kMax || h > kMax) {
     throw UsageError("--size: {} is not WIDTHxHEIGHT with 1 to {} pixels each", text, kMax);
   }
@@ -148,7 +178,8 @@ std::string unknownArgument(const CLI::App& app) {
     if (nearest.empty() || distanceBetween(stem, name) < distanceBetween(stem, nearest)) nearest = name;
   }
   const bool close = !nearest.empty() && distanceBetween(stem, nearest) <= std::max<size_t>(2, stem.size() / 2);
-  return fmt::format("unknown argument {}{}", found, close ? fmt::format("; did you mean {}?", nearest) : "; --help lists what is known");
+  return fmt::format("unknown argument {}{}", found,
+                     close ? fmt::format("; did you mean {}?", nearest) : "; --help lists what is known");
 }
 
 }  // namespace
@@ -158,8 +189,12 @@ const char* commandName(Command command) {
   return names[static_cast<size_t>(command)];
 }
 
-const char* projectionName(Projection projection) { return projection == Projection::hemicube ? "hemicube" : "tetrahedron"; }
-const char* solverName(SolverKind kind) { return kind == SolverKind::gaussSeidel ? "gauss-seidel" : "jacobi"; }
+const char* projectionName(Projection projection) {
+  return projection == Projection::hemicube ? "hemicube" : "tetrahedron";
+}
+const char* solverName(SolverKind kind) {
+  return kind == SolverKind::gaussSeidel ? "gauss-seidel" : "jacobi";
+}
 
 Options parseOptions(int argc, char** argv, bool& handled) {
   Options o;
@@ -168,8 +203,9 @@ Options parseOptions(int argc, char** argv, bool& handled) {
   app.option_defaults()->always_capture_default();
   app.set_version_flag("--version", std::string("farol " FAROL_VERSION));
   app.require_subcommand(0, 1);
-  app.footer("Exit codes: 0 done; 1 failed (scene, device, memory, file); 2 wrong usage; 3 not converged, results written all "
-             "the same; 130 and 143 after SIGINT and SIGTERM.");
+  app.footer(
+      "Exit codes: 0 done; 1 failed (scene, device, memory, file); 2 wrong usage; 3 not converged, results written all "
+      "the same; 130 and 143 after SIGINT and SIGTERM.");
 
   std::map<CLI::App*, Command> commands;
   const auto command = [&](const char* name, const char* text, Command kind) {
@@ -181,7 +217,8 @@ Options parseOptions(int argc, char** argv, bool& handled) {
   CLI::App* render = command("render", "Solve, then draw the camera's view", Command::render);
   CLI::App* solve = command("solve", "Solve; write the lit scene for any glTF viewer", Command::solve);
   CLI::App* factors = command("factors", "Form factors only", Command::factors);
-  CLI::App* info = command("info", "What is in the scene, what would be done, memory and time forecast; writes nothing", Command::info);
+  CLI::App* info = command("info", "What is in the scene, what would be done, memory and time forecast; writes nothing",
+                           Command::info);
   command("devices", "Vulkan devices and CPU features", Command::devices);
   for (CLI::App* sub : {render, solve, factors, info}) {
     addScene(sub, o);
@@ -189,10 +226,14 @@ Options parseOptions(int argc, char** argv, bool& handled) {
     addFormFactors(sub, o, raw);
     addMachine(sub, o);
   }
-  render->add_option("-o,--output", o.output, "Picture: .png (sRGB) or .exr (linear radiance)")->required()->group("Results");
+  render->add_option("-o,--output", o.output, "Picture: .png (sRGB) or .exr (linear radiance)")
+      ->required()
+      ->group("Results");
   solve->add_option("-o,--output", o.output, "Lit scene: .glb")->group("Results");
   factors->add_option("-o,--output", o.output, "Form factors: .csv, .npy or .mtx")->group("Results");
-  factors->add_option("--by", o.by, "surface or patch; default: surface for .csv, patch otherwise")->check(CLI::IsMember({"surface", "patch"}))->group("Results");
+  factors->add_option("--by", o.by, "surface or patch; default: surface for .csv, patch otherwise")
+      ->check(CLI::IsMember({"surface", "patch"}))
+      ->group("Results");
   addSolve(render, o, raw);
   addSolve(solve, o, raw);
   render->add_option("--camera", o.camera, "Camera by name; default: the first")->group("Picture");
@@ -229,7 +270,9 @@ Options parseOptions(int argc, char** argv, bool& handled) {
     checkEnding(o.output, {".csv", ".npy", ".mtx"});
     const bool table = o.output.empty() || endingOf(o.output) == ".csv";
     if (o.by.empty()) o.by = table ? "surface" : "patch";
-    if ((o.by == "surface") != table) throw UsageError("--by {} cannot be written to {}: .csv is by surface, .npy and .mtx are by patch", o.by, o.output);
+    if ((o.by == "surface") != table)
+      throw UsageError("--by {} cannot be written to {}: .csv is by surface, .npy and .mtx are by patch", o.by,
+                       o.output);
   }
   return o;
 }
@@ -238,8 +281,10 @@ std::string explicitCommand(const Options& o) {
   std::string text = fmt::format("farol {} {}", commandName(o.command), o.scene);
   const auto add = [&text](const char* name, const auto& value) { text += fmt::format(" {} {}", name, value); };
   if (!o.output.empty()) add("-o", o.output);
-  if (o.patchSize > 0) add("--patch-size", o.patchSize);
-  else add("--patches", o.patches);
+  if (o.patchSize > 0)
+    add("--patch-size", o.patchSize);
+  else
+    add("--patches", o.patches);
   add("--method", "raster");
   add("--resolution", o.resolution);
   add("--projection", projectionName(o.projection));

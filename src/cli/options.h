@@ -49,7 +49,8 @@ struct Options {
   bool quiet = false;
 };
 
-// Throws UsageError with one sentence. `handled` is true when --help or --version has printed and nothing is left to do.
+// Throws UsageError with one sentence. `handled` is true when --help or --version has printed and nothing is left to
+// do.
 Options parseOptions(int argc, char** argv, bool& handled);
 
 // A command line that states every option in force and repeats the run.

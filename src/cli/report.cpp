@@ -3,7 +3,6 @@
 #include "base/output_file.h"
 
 #include <nlohmann/json.hpp>
-
 #include <thread>
 
 namespace farol {
@@ -11,14 +10,29 @@ namespace {
 
 using nlohmann::json;
 
-json channels(const Rgb& c) { return {c.r, c.g, c.b}; }
+json channels(const Rgb& c) {
+  return {c.r, c.g, c.b};
+}
 
 json optionsOf(const Options& o) {
-  return {{"patches", o.patches}, {"patch_size", o.patchSize}, {"method", o.method}, {"resolution", o.resolution},
-          {"projection", projectionName(o.projection)}, {"positions", o.positions}, {"seed", o.seed}, {"sky", channels(o.sky)},
-          {"solver", solverName(o.solver)}, {"residual", o.residual}, {"max_sweeps", o.maxSweeps},
-          {"illumination", o.localIllumination ? "local" : "global"}, {"camera", o.camera},
-          {"size", {o.width, o.height}}, {"exposure", o.exposure}, {"device", o.device}, {"memory", o.memory}, {"threads", o.threads}};
+  return {{"patches", o.patches},
+          {"patch_size", o.patchSize},
+          {"method", o.method},
+          {"resolution", o.resolution},
+          {"projection", projectionName(o.projection)},
+          {"positions", o.positions},
+          {"seed", o.seed},
+          {"sky", channels(o.sky)},
+          {"solver", solverName(o.solver)},
+          {"residual", o.residual},
+          {"max_sweeps", o.maxSweeps},
+          {"illumination", o.localIllumination ? "local" : "global"},
+          {"camera", o.camera},
+          {"size", {o.width, o.height}},
+          {"exposure", o.exposure},
+          {"device", o.device},
+          {"memory", o.memory},
+          {"threads", o.threads}};
 }
 
 }  // namespace
@@ -45,16 +59,27 @@ void writeReport(const std::string& path, const Report& r) {
   j["equivalent_command"] = explicitCommand(r.options);
   j["cpu"] = {{"threads", std::thread::hardware_concurrency()}, {"features", cpuFeatures()}};
   if (r.device) {
-    j["device"] = {{"name", r.device->name}, {"type", r.device->type}, {"driver", r.device->driver}, {"api", r.device->apiVersion},
+    j["device"] = {{"name", r.device->name},
+                   {"type", r.device->type},
+                   {"driver", r.device->driver},
+                   {"api", r.device->apiVersion},
                    {"memory_bytes", r.device->memoryBytes}};
     j["batch"] = {{"hemicubes", r.batch}, {"device_bytes", r.deviceBytes}};
   }
-  j["counts"] = {{"surfaces", r.surfaces}, {"triangles", r.triangles}, {"facets", r.facets}, {"cells", r.cells}, {"patches", r.patches},
-                 {"specular", r.specularPatches}, {"emitting", r.emittingPatches}, {"degenerate_triangles", r.degenerate},
-                 {"duplicate_triangles", r.duplicate}, {"welded_vertices", r.welded}};
+  j["counts"] = {{"surfaces", r.surfaces},
+                 {"triangles", r.triangles},
+                 {"facets", r.facets},
+                 {"cells", r.cells},
+                 {"patches", r.patches},
+                 {"specular", r.specularPatches},
+                 {"emitting", r.emittingPatches},
+                 {"degenerate_triangles", r.degenerate},
+                 {"duplicate_triangles", r.duplicate},
+                 {"welded_vertices", r.welded}};
   j["area"] = r.area;
-  j["method"] = {{"form_factors", r.checks ? "raster" : "none"},
-                 {"why", r.options.method == "auto" ? "the only method for scenes of diffuse surfaces so far" : "asked for"}};
+  j["method"] = {
+      {"form_factors", r.checks ? "raster" : "none"},
+      {"why", r.options.method == "auto" ? "the only method for scenes of diffuse surfaces so far" : "asked for"}};
   j["matrix_bytes"] = r.matrixBytes;
   if (r.checks) {
     const FormFactorChecks& c = *r.checks;
@@ -64,12 +89,17 @@ void writeReport(const std::string& path, const Report& r) {
   }
   if (r.solution) {
     const Solution& s = *r.solution;
-    j["solve"] = {{"sweeps", s.sweeps}, {"residual", s.residual}, {"contraction", s.contraction}, {"error", s.error}, {"converged", s.converged}};
+    j["solve"] = {{"sweeps", s.sweeps},
+                  {"residual", s.residual},
+                  {"contraction", s.contraction},
+                  {"error", s.error},
+                  {"converged", s.converged}};
   }
   if (r.energy) {
     const EnergyBalance& e = *r.energy;
-    j["energy"] = {{"emitted", channels(e.emitted)}, {"from_sky", channels(e.fromSky)}, {"absorbed", channels(e.absorbed)},
-                   {"to_open", channels(e.toOpen)}, {"to_backs", channels(e.toBacks)}, {"relative_error", e.relativeError}};
+    j["energy"] = {{"emitted", channels(e.emitted)},   {"from_sky", channels(e.fromSky)},
+                   {"absorbed", channels(e.absorbed)}, {"to_open", channels(e.toOpen)},
+                   {"to_backs", channels(e.toBacks)},  {"relative_error", e.relativeError}};
   }
   if (r.displayScale) j["display_scale"] = *r.displayScale;
   j["stages"] = json::array();

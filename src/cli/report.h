@@ -15,11 +15,11 @@ struct Report {
   Options options;
   std::optional<gpu::DeviceInfo> device;
   size_t surfaces = 0, triangles = 0, facets = 0, cells = 0, patches = 0, specularPatches = 0, emittingPatches = 0;
-  double area = 0;                  // of all patches [scene units squared]
+  double area = 0;  // of all patches [scene units squared]
   size_t degenerate = 0, duplicate = 0, welded = 0;
-  uint64_t matrixBytes = 0;         // of F
-  uint32_t batch = 0;               // hemicubes per submission
-  uint64_t deviceBytes = 0;         // device memory for batches
+  uint64_t matrixBytes = 0;  // of F
+  uint32_t batch = 0;        // hemicubes per submission
+  uint64_t deviceBytes = 0;  // device memory for batches
   std::optional<FormFactorChecks> checks;
   std::optional<Solution> solution;  // figures only: without the vectors
   std::optional<EnergyBalance> energy;

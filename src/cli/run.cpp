@@ -8,9 +8,8 @@
 #include "view/tone.h"
 #include "view/view.h"
 
-#include <tbb/global_control.h>
-
 #include <cstdlib>
+#include <tbb/global_control.h>
 #include <thread>
 
 namespace farol {
@@ -35,8 +34,10 @@ class Run {
         writeFactors();
       } else {
         solve();
-        if (options_.command == Command::render) draw();
-        else writeSolved();
+        if (options_.command == Command::render)
+          draw();
+        else
+          writeSolved();
       }
     }
     return finish();
@@ -59,14 +60,14 @@ class Run {
     report_.duplicate = facets_.duplicate;
     report_.welded = facets_.welded;
     if (options_.patchSize == 0 && facets_.facets.size() > options_.patches / 2) {
-      log_.note(fmt::format("{} facets need at least a patch each: {} patches instead of about {}", facets_.facets.size(),
-                            patches_.frontPatchCount, options_.patches));
+      log_.note(fmt::format("{} facets need at least a patch each: {} patches instead of about {}",
+                            facets_.facets.size(), patches_.frontPatchCount, options_.patches));
     }
     countPatches();
     warnOfSpecular();
     report_.clock.finish("patches");
-    say("{}: {} surfaces, {} triangles, {} facets, {} patches", options_.scene, report_.surfaces, report_.triangles, report_.facets,
-        patches_.frontPatchCount);
+    say("{}: {} surfaces, {} triangles, {} facets, {} patches", options_.scene, report_.surfaces, report_.triangles,
+        report_.facets, patches_.frontPatchCount);
   }
 
   void countPatches() {
@@ -90,8 +91,10 @@ class Run {
       area += p.area;
     }
     if (area > 0) {
-      log_.warn(fmt::format("mirrors and clear glass ({:.4g} square units, first on surface '{}') are not traced yet: their specular "
-                            "share counts as absorbed", area, first));
+      log_.warn(fmt::format(
+          "mirrors and clear glass ({:.4g} square units, first on surface '{}') are not traced yet: their specular "
+          "share counts as absorbed",
+          area, first));
     }
   }
 
@@ -129,8 +132,11 @@ class Run {
   void makeF() {
     const uint64_t least = uint64_t{4} * patches_.frontPatchCount * patches_.size(), allowed = allowedBytes();
     if (least > allowed) {
-      throw Error("{}: form factors of {} patches need {:.3g} GB, {:.3g} GB are allowed; ask for fewer patches (--patches), or allow "
-                  "more with --memory", options_.scene, patches_.size(), static_cast<double>(least) * 1e-9, static_cast<double>(allowed) * 1e-9);
+      throw Error(
+          "{}: form factors of {} patches need {:.3g} GB, {:.3g} GB are allowed; ask for fewer patches (--patches), or "
+          "allow "
+          "more with --memory",
+          options_.scene, patches_.size(), static_cast<double>(least) * 1e-9, static_cast<double>(allowed) * 1e-9);
     }
     openDevice();
     f_.emplace(patches_.size(), allowed);
@@ -144,10 +150,13 @@ class Run {
     report_.checks = checkFormFactors(*f_, patches_);
     report_.clock.finish("checks");
     const double seconds = report_.clock.secondsOf("form factors");
-    say("form factors: raster {} {}, {} position{}: {} rows in {:.2f} s ({:.0f} rows/s), row sums {:.6f} to {:.6f}, {:.3g} % missed the scene, "
-        "{:.3g} % met backs", projectionName(options_.projection), options_.resolution, options_.positions, options_.positions == 1 ? "" : "s",
-        patches_.size(), seconds, static_cast<double>(patches_.size()) / seconds, report_.checks->rowSumMin, report_.checks->rowSumMax,
-        100 * report_.checks->missed, 100 * report_.checks->backs);
+    say("form factors: raster {} {}, {} position{}: {} rows in {:.2f} s ({:.0f} rows/s), row sums {:.6f} to {:.6f}, "
+        "{:.3g} % missed the scene, "
+        "{:.3g} % met backs",
+        projectionName(options_.projection), options_.resolution, options_.positions,
+        options_.positions == 1 ? "" : "s", patches_.size(), seconds, static_cast<double>(patches_.size()) / seconds,
+        report_.checks->rowSumMin, report_.checks->rowSumMax, 100 * report_.checks->missed,
+        100 * report_.checks->backs);
   }
 
   void solve() {
@@ -167,16 +176,18 @@ class Run {
     report_.solution->irradiance.clear();
     report_.clock.finish("solve");
     if (!f_) {
-      say("{}", options_.localIllumination && lit() ? "local illumination: emitters as points, nothing in between, no interreflection"
-                                                   : "nothing to solve: black");
+      say("{}", options_.localIllumination && lit()
+                    ? "local illumination: emitters as points, nothing in between, no interreflection"
+                    : "nothing to solve: black");
       return;
     }
-    say("solve: {} {} sweeps, residual {:.3g}, contraction {:.4f}, error of B {:.2g} of its mean: {}", solverName(options_.solver), solution_.sweeps,
-        solution_.residual, solution_.contraction, solution_.error, solution_.converged ? "converged" : "NOT converged");
+    say("solve: {} {} sweeps, residual {:.3g}, contraction {:.4f}, error of B {:.2g} of its mean: {}",
+        solverName(options_.solver), solution_.sweeps, solution_.residual, solution_.contraction, solution_.error,
+        solution_.converged ? "converged" : "NOT converged");
     const EnergyBalance& e = *report_.energy;
     const double in = luminance(e.emitted + e.fromSky);
-    say("energy: {:.4g} in, {:.4g} absorbed, {:.4g} to the open, {:.4g} to backs (balance within {:.2g} %)", in, luminance(e.absorbed),
-        luminance(e.toOpen), luminance(e.toBacks), 100 * e.relativeError);
+    say("energy: {:.4g} in, {:.4g} absorbed, {:.4g} to the open, {:.4g} to backs (balance within {:.2g} %)", in,
+        luminance(e.absorbed), luminance(e.toOpen), luminance(e.toBacks), 100 * e.relativeError);
   }
 
   NodeIrradiance nodes() const {
@@ -202,7 +213,8 @@ class Run {
     }
     writePatches();
     report_.clock.finish("write");
-    say("picture: {} ({} x {}, camera '{}', radiance x {:.4g})", options_.output, image.width, image.height, camera_.name, *report_.displayScale);
+    say("picture: {} ({} x {}, camera '{}', radiance x {:.4g})", options_.output, image.width, image.height,
+        camera_.name, *report_.displayScale);
   }
 
   void writeSolved() {
@@ -222,9 +234,12 @@ class Run {
 
   void writeFactors() {
     if (!options_.output.empty()) {
-      if (options_.by == "surface") writeFactorsBySurface(options_.output, scene_, patches_, *f_);
-      else if (options_.output.ends_with(".npy")) writeFactorsNpy(options_.output, *f_);
-      else writeFactorsMtx(options_.output, *f_);
+      if (options_.by == "surface")
+        writeFactorsBySurface(options_.output, scene_, patches_, *f_);
+      else if (options_.output.ends_with(".npy"))
+        writeFactorsNpy(options_.output, *f_);
+      else
+        writeFactorsMtx(options_.output, *f_);
       say("factors: {}", options_.output);
     }
     report_.clock.finish("write");
@@ -233,12 +248,17 @@ class Run {
   // What a run would take: exact counts, memory of F, and seconds from half a second of probe rows.
   void forecast() {
     constexpr double kProbeSeconds = 0.5;
-    say("area {:.6g} square units, {} patches emit, {} have a specular share; {} cameras, {} punctual lights, {} textures", report_.area,
-        report_.emittingPatches, report_.specularPatches, scene_.cameras.size(), scene_.lights.size(), scene_.textures.size());
+    say("area {:.6g} square units, {} patches emit, {} have a specular share; {} cameras, {} punctual lights, {} "
+        "textures",
+        report_.area, report_.emittingPatches, report_.specularPatches, scene_.cameras.size(), scene_.lights.size(),
+        scene_.textures.size());
     for (const Camera& c : scene_.cameras) say("camera '{}'", c.name);
-    if (facets_.welded > 0) say("{} vertices were moved to a neighbour within {:.3g} units", facets_.welded, kWeldTolerance * facets_.frame.size);
+    if (facets_.welded > 0)
+      say("{} vertices were moved to a neighbour within {:.3g} units", facets_.welded,
+          kWeldTolerance * facets_.frame.size);
     report_.matrixBytes = uint64_t{4} * patches_.frontPatchCount * patches_.size();
-    say("form factors would take {:.4g} MB; {:.4g} MB are allowed", static_cast<double>(report_.matrixBytes) * 1e-6, static_cast<double>(allowedBytes()) * 1e-6);
+    say("form factors would take {:.4g} MB; {:.4g} MB are allowed", static_cast<double>(report_.matrixBytes) * 1e-6,
+        static_cast<double>(allowedBytes()) * 1e-6);
     openDevice();
     RasterRowMaker maker(*device_, facets_, patches_, rasterOptions());
     report_.batch = maker.batchSize();
@@ -256,12 +276,14 @@ class Run {
       maker.makeRows(probe, store, [](size_t) {});
     }
     const double rate = static_cast<double>(rows) / watch.seconds();
-    say("form factors would take {:.3g} s ({:.0f} rows/s measured on {} rows)", static_cast<double>(patches_.frontPatchCount) / rate, rate, rows);
+    say("form factors would take {:.3g} s ({:.0f} rows/s measured on {} rows)",
+        static_cast<double>(patches_.frontPatchCount) / rate, rate, rows);
     report_.clock.finish("probe");
   }
 
   int finish() {
-    if (device_ && device_->validationMessages() > 0) throw Error("the Vulkan validation layer gave {} messages", device_->validationMessages());
+    if (device_ && device_->validationMessages() > 0)
+      throw Error("the Vulkan validation layer gave {} messages", device_->validationMessages());
     report_.warnings = log_.warnings();
     if (!options_.report.empty()) {
       writeReport(options_.report, report_);
@@ -290,8 +312,9 @@ class Run {
 int printDevices() {
   try {
     for (const gpu::DeviceInfo& d : gpu::listDevices()) {
-      fmt::print("{}: {} ({}), Vulkan {}, {}, {:.1f} GiB, layered drawing: {}{}\n", d.index, d.name, d.type, d.apiVersion, d.driver,
-                 static_cast<double>(d.memoryBytes) / (1 << 30), d.layeredDrawing ? "yes" : "no",
+      fmt::print("{}: {} ({}), Vulkan {}, {}, {:.1f} GiB, layered drawing: {}{}\n", d.index, d.name, d.type,
+                 d.apiVersion, d.driver, static_cast<double>(d.memoryBytes) / (1 << 30),
+                 d.layeredDrawing ? "yes" : "no",
                  d.refusal.empty() ? "" : fmt::format(" - cannot be used: {}", d.refusal));
     }
   } catch (const Error& e) {
@@ -310,7 +333,8 @@ int run(const Options& options) {
   std::optional<tbb::global_control> limit;
   if (options.threads > 0) {
     limit.emplace(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(options.threads));
-    setenv("LP_NUM_THREADS", std::to_string(options.threads).c_str(), 0);  // Mesa's software device has threads of its own
+    setenv("LP_NUM_THREADS", std::to_string(options.threads).c_str(),
+           0);  // Mesa's software device has threads of its own
   }
   return Run(options).execute();
 }

@@ -2,19 +2,20 @@
 
 #include "base/error.h"
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <atomic>
 #include <numeric>
+#include <tbb/parallel_for.h>
 
 namespace farol {
 
 std::span<float> FormFactorMatrix::row(uint32_t patch) {
   const uint64_t rowBytes = rows_.size() * sizeof(float);
   if (rows_[patch].empty() && (std::atomic_ref(bytes_) += rowBytes) > maxBytes_) {
-    throw Error("form factors of {} patches do not fit: more than {} rows of {} bytes would exceed the {} bytes allowed; "
-                "ask for fewer patches, or allow more with --memory", rows_.size(), maxBytes_ / rowBytes, rowBytes, maxBytes_);
+    throw Error(
+        "form factors of {} patches do not fit: more than {} rows of {} bytes would exceed the {} bytes allowed; "
+        "ask for fewer patches, or allow more with --memory",
+        rows_.size(), maxBytes_ / rowBytes, rowBytes, maxBytes_);
   }
   rows_[patch].resize(rows_.size());
   return rows_[patch];

@@ -57,7 +57,8 @@ class RowMaker {
  public:
   virtual ~RowMaker() = default;
   // Fills one row per patch listed. `done` is called now and then with the number of rows finished.
-  virtual void makeRows(std::span<const uint32_t> patches, RowStore& store, const std::function<void(size_t)>& done) = 0;
+  virtual void makeRows(std::span<const uint32_t> patches, RowStore& store,
+                        const std::function<void(size_t)>& done) = 0;
 };
 
 // Makes the rows of all patches that light can reach: the front sides, emitting back sides, and every other

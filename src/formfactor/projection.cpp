@@ -61,7 +61,8 @@ void addTetrahedronFace(std::vector<double>& atlas, uint32_t atlasWidth, const P
         if (up) cell(i, j + 1) += right ? 0.5 * half : half;
       } else {
         const Vec3 a = point(i, j);
-        cell(i, j) += lambertEdge(normal, a, b) + lambertEdge(normal, b, c) + lambertEdge(normal, c, d) + lambertEdge(normal, d, a);
+        cell(i, j) += lambertEdge(normal, a, b) + lambertEdge(normal, b, c) + lambertEdge(normal, c, d) +
+                      lambertEdge(normal, d, a);
       }
     }
   }
@@ -74,8 +75,11 @@ ProjectionLayout layoutOf(Projection projection, uint32_t r) {
   ProjectionLayout layout{3 * r, r, {}};
   if (projection == Projection::hemicube) {
     const uint32_t h = r / 2;
-    layout.faces = {{x, y, n, -1, -1, 0, 0, r, r},      {y, n, x, -1, 0, r, 0, r, h},     {-y, n, -x, -1, 0, r, h, r, h},
-                    {-x, n, y, -1, 0, 2 * r, 0, r, h}, {x, n, -y, -1, 0, 2 * r, h, r, h}};
+    layout.faces = {{x, y, n, -1, -1, 0, 0, r, r},
+                    {y, n, x, -1, 0, r, 0, r, h},
+                    {-y, n, -x, -1, 0, r, h, r, h},
+                    {-x, n, y, -1, 0, 2 * r, 0, r, h},
+                    {x, n, -y, -1, 0, 2 * r, h, r, h}};
     return layout;
   }
   const double third = 1 / std::sqrt(3.0), sixth = 1 / std::sqrt(6.0), half = 1 / std::sqrt(2.0);
@@ -88,9 +92,12 @@ std::vector<double> deltaFormFactors(Projection projection, uint32_t resolution)
   const ProjectionLayout layout = layoutOf(projection, resolution);
   std::vector<double> atlas(static_cast<size_t>(layout.width) * layout.height, 0.0);
   for (size_t i = 0; i < layout.faces.size(); ++i) {
-    if (projection == Projection::tetrahedron) addTetrahedronFace(atlas, layout.width, layout.faces[i]);
-    else if (i == 0) addFace(atlas, layout.width, layout.faces[i], topCorner);
-    else addFace(atlas, layout.width, layout.faces[i], sideCorner);
+    if (projection == Projection::tetrahedron)
+      addTetrahedronFace(atlas, layout.width, layout.faces[i]);
+    else if (i == 0)
+      addFace(atlas, layout.width, layout.faces[i], topCorner);
+    else
+      addFace(atlas, layout.width, layout.faces[i], sideCorner);
   }
   return atlas;
 }

@@ -3,19 +3,18 @@
 #include "base/error.h"
 #include "formfactor/facet_mesh.h"
 #include "patch/positions.h"
-#include "shared/interface.h"
 #include "shaders/hemicube.frag.h"
 #include "shaders/hemicube.vert.LAYERED.h"
 #include "shaders/hemicube.vert.h"
 #include "shaders/hemicube_cull.comp.h"
 #include "shaders/hemicube_reduce.comp.MAPPED.h"
 #include "shaders/hemicube_reduce.comp.h"
-
-#include <tbb/enumerable_thread_specific.h>
-#include <tbb/parallel_for.h>
+#include "shared/interface.h"
 
 #include <array>
 #include <cstring>
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_for.h>
 
 namespace farol {
 namespace {
@@ -25,7 +24,7 @@ using shader::toVec4;
 // Near distance, and the distance from a facet's plane at which the eye counts as lying in it, in unit coordinates.
 // Depth is a float in reversed z, so a tiny near distance costs no precision.
 constexpr float kNear = 1e-6f;
-constexpr float kEdgeOn = 4e-7f;  // a few float32 roundings of points at most 0.5 from the centre
+constexpr float kEdgeOn = 4e-7f;                  // a few float32 roundings of points at most 0.5 from the centre
 constexpr double kFullHemisphere = 4294967295.0;  // 2^32 - 1, the sum of all delta form factors
 constexpr uint32_t kAllBacks = 0xFFFFFFFFu;       // a position that sees nothing but black backs lies inside a solid
 
@@ -53,7 +52,8 @@ std::vector<uint32_t> itemBins(const PatchSet& patches) {
 
 std::vector<shader::FaceRecord> faceRecordsOf(const ProjectionLayout& layout) {
   std::vector<shader::FaceRecord> records;
-  for (const ProjectionFace& f : layout.faces) records.push_back({toVec4(f.right, f.low), toVec4(f.up, f.bottom), toVec4(f.forward)});
+  for (const ProjectionFace& f : layout.faces)
+    records.push_back({toVec4(f.right, f.low), toVec4(f.up, f.bottom), toVec4(f.forward)});
   return records;
 }
 
@@ -143,14 +143,23 @@ struct RasterRowMaker::Impl {
         draw(d, "hemicube", layered ? gpu::Spirv(hemicube_vert_LAYERED) : gpu::Spirv(hemicube_vert), hemicube_frag,
              {gpu::Format::uint32}, shader::kItemBindingCount, sizeof(shader::ItemPush)),
         cull(d, "hemicube culling", hemicube_cull_comp, shader::kCullBindingCount, sizeof(shader::CullPush)),
-        reduce(d, "hemicube reduction", isIdentity(p) ? gpu::Spirv(hemicube_reduce_comp) : gpu::Spirv(hemicube_reduce_comp_MAPPED), shader::kReduceBindingCount, sizeof(shader::ReducePush)),
+        reduce(d, "hemicube reduction",
+               isIdentity(p) ? gpu::Spirv(hemicube_reduce_comp) : gpu::Spirv(hemicube_reduce_comp_MAPPED),
+               shader::kReduceBindingCount, sizeof(shader::ReducePush)),
         reduceBindings(d, "hemicube reduction", {&items, &deltaFactors, &binOfItem, &sums}) {
     for (const char* name : {"batch A", "batch B"}) {
-      gpu::Buffer frames(d, fmt::format("{} frames", name), sizeof(shader::HemicubeFrame) * layers, gpu::Memory::upload);
+      gpu::Buffer frames(d, fmt::format("{} frames", name), sizeof(shader::HemicubeFrame) * layers,
+                         gpu::Memory::upload);
       gpu::Buffer rows(d, fmt::format("{} rows", name), uint64_t{4} * bins * layers, gpu::Memory::download);
-      gpu::Bindings cullBindings(d, fmt::format("{} culling", name), {&frames, &clusterRecords, &faceRecords, &visible, &draws});
+      gpu::Bindings cullBindings(d, fmt::format("{} culling", name),
+                                 {&frames, &clusterRecords, &faceRecords, &visible, &draws});
       gpu::Bindings drawBindings(d, name, {&records, &frames, &visible});
-      slots.push_back({std::move(frames), std::move(rows), std::move(cullBindings), std::move(drawBindings), gpu::Commands(d, name), {}});
+      slots.push_back({std::move(frames),
+                       std::move(rows),
+                       std::move(cullBindings),
+                       std::move(drawBindings),
+                       gpu::Commands(d, name),
+                       {}});
     }
   }
 
@@ -166,15 +175,17 @@ struct RasterRowMaker::Impl {
     count = std::min(count, limits.maxStorageBufferRange / (uint64_t{4} * std::max(pixels, bins)));
     if (options.maxBatch > 0) count = std::min<uint64_t>(count, options.maxBatch);
     if (count == 0) {
-      throw Error("a hemicube of resolution {} with {} patches needs {} bytes on the device; {} are allowed", options.resolution,
-                  patches.size(), bytesPerLayer(), options.deviceMemory);
+      throw Error("a hemicube of resolution {} with {} patches needs {} bytes on the device; {} are allowed",
+                  options.resolution, patches.size(), bytesPerLayer(), options.deviceMemory);
     }
     return static_cast<uint32_t>(count);
   }
 
   void drawFacets(gpu::Commands& commands, uint32_t face) {
-    if (layered) commands.drawIndirect(draws, face * clusterCount, clusterCount);
-    else commands.drawIndexed(static_cast<uint32_t>(mesh.indices.size()));
+    if (layered)
+      commands.drawIndirect(draws, face * clusterCount, clusterCount);
+    else
+      commands.drawIndexed(static_cast<uint32_t>(mesh.indices.size()));
   }
 
   void drawLayers(gpu::Commands& commands, uint32_t first, uint32_t count) {
@@ -184,8 +195,14 @@ struct RasterRowMaker::Impl {
       const ProjectionFace& face = layout.faces[k];
       // x in [low, 1] * depth becomes clip.x in [-1, 1] * depth.
       const double scaleX = 2 / (1 - face.low), scaleY = 2 / (1 - face.bottom);
-      shader::ItemPush push{toVec4(face.right, scaleX), toVec4(face.up, scaleY), toVec4(face.forward, kNear),
-                            toVec4(Vec3(1 - scaleX, 1 - scaleY, kEdgeOn)), first, backItem, 0, 0};
+      shader::ItemPush push{toVec4(face.right, scaleX),
+                            toVec4(face.up, scaleY),
+                            toVec4(face.forward, kNear),
+                            toVec4(Vec3(1 - scaleX, 1 - scaleY, kEdgeOn)),
+                            first,
+                            backItem,
+                            0,
+                            0};
       commands.viewport(face.x, face.y, face.width, face.height);
       commands.push(push);
       if (facets.hasTwins) {  // back to back at the same depth: fronts come first and equal depths do not replace
@@ -237,8 +254,10 @@ struct RasterRowMaker::Impl {
     const std::span<float> row = store.row(patch);
     const bool exposed = counts[bins - 1] != kAllBacks;
     for (size_t j = 0; j < row.size(); ++j) row[j] = static_cast<float>(exposed ? counts[j] / kFullHemisphere : 0.0);
-    if (exposed) store.finish(patch, {counts[bins - 2] / kFullHemisphere, counts[bins - 1] / kFullHemisphere, 1});
-    else store.finish(patch, {0, 0, 0});
+    if (exposed)
+      store.finish(patch, {counts[bins - 2] / kFullHemisphere, counts[bins - 1] / kFullHemisphere, 1});
+    else
+      store.finish(patch, {0, 0, 0});
   }
 
   // Stores the rows that the slot's batch completes. A patch whose positions are cut by the batch's end stays
@@ -333,15 +352,21 @@ struct RasterRowMaker::Impl {
   bool carrying = false;
 };
 
-RasterRowMaker::RasterRowMaker(const gpu::Device& device, const FacetSet& facets, const PatchSet& patches, const RasterOptions& options)
+RasterRowMaker::RasterRowMaker(const gpu::Device& device, const FacetSet& facets, const PatchSet& patches,
+                               const RasterOptions& options)
     : impl_(std::make_unique<Impl>(device, facets, patches, options)) {}
 RasterRowMaker::~RasterRowMaker() = default;
 
-void RasterRowMaker::makeRows(std::span<const uint32_t> patches, RowStore& store, const std::function<void(size_t)>& done) {
+void RasterRowMaker::makeRows(std::span<const uint32_t> patches, RowStore& store,
+                              const std::function<void(size_t)>& done) {
   impl_->makeRows(patches, store, done);
 }
 
-uint32_t RasterRowMaker::batchSize() const { return impl_->layers; }
-uint64_t RasterRowMaker::deviceBytes() const { return impl_->bytesPerLayer() * impl_->layers; }
+uint32_t RasterRowMaker::batchSize() const {
+  return impl_->layers;
+}
+uint64_t RasterRowMaker::deviceBytes() const {
+  return impl_->bytesPerLayer() * impl_->layers;
+}
 
 }  // namespace farol

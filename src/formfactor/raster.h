@@ -14,23 +14,24 @@ namespace farol {
 struct RasterOptions {
   uint32_t resolution = 64;  // R, even, 8 to 1024: pixels along an edge of a hemicube's top
   Projection projection = Projection::hemicube;
-  int positions = 1;                             // hemicubes per patch, spread over its area
-  uint64_t seed = 1;                             // turns of the hemicubes about the normal
+  int positions = 1;                            // hemicubes per patch, spread over its area
+  uint64_t seed = 1;                            // turns of the hemicubes about the normal
   uint64_t deviceMemory = uint64_t{256} << 20;  // for one batch [bytes]
-  uint32_t maxBatch = 128;                       // hemicubes per submission; 0: as many as fit the memory
-  bool layered = true;                           // draw all layers at once where the device can
+  uint32_t maxBatch = 128;                      // hemicubes per submission; 0: as many as fit the memory
+  bool layered = true;                          // draw all layers at once where the device can
 };
 
 class RasterRowMaker : public RowMaker {
  public:
   // The arguments must outlive the maker. Throws Error when the device memory does not hold one hemicube.
-  RasterRowMaker(const gpu::Device& device, const FacetSet& facets, const PatchSet& patches, const RasterOptions& options);
+  RasterRowMaker(const gpu::Device& device, const FacetSet& facets, const PatchSet& patches,
+                 const RasterOptions& options);
   ~RasterRowMaker() override;
 
   void makeRows(std::span<const uint32_t> patches, RowStore& store, const std::function<void(size_t)>& done) override;
 
-  uint32_t batchSize() const;      // hemicubes per submission
-  uint64_t deviceBytes() const;    // device memory in use for batches
+  uint32_t batchSize() const;    // hemicubes per submission
+  uint64_t deviceBytes() const;  // device memory in use for batches
 
  private:
   struct Impl;

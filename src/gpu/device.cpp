@@ -13,16 +13,26 @@ constexpr const char* kValidationLayer = "VK_LAYER_KHRONOS_validation";
 
 const char* resultName(VkResult result) {
   switch (result) {
-    case VK_ERROR_OUT_OF_HOST_MEMORY: return "out of host memory";
-    case VK_ERROR_OUT_OF_DEVICE_MEMORY: return "out of device memory";
-    case VK_ERROR_INITIALIZATION_FAILED: return "initialization failed";
-    case VK_ERROR_DEVICE_LOST: return "device lost";
-    case VK_ERROR_LAYER_NOT_PRESENT: return "layer not present";
-    case VK_ERROR_EXTENSION_NOT_PRESENT: return "extension not present";
-    case VK_ERROR_FEATURE_NOT_PRESENT: return "feature not present";
-    case VK_ERROR_INCOMPATIBLE_DRIVER: return "incompatible driver";
-    case VK_ERROR_FORMAT_NOT_SUPPORTED: return "format not supported";
-    default: return "error";
+    case VK_ERROR_OUT_OF_HOST_MEMORY:
+      return "out of host memory";
+    case VK_ERROR_OUT_OF_DEVICE_MEMORY:
+      return "out of device memory";
+    case VK_ERROR_INITIALIZATION_FAILED:
+      return "initialization failed";
+    case VK_ERROR_DEVICE_LOST:
+      return "device lost";
+    case VK_ERROR_LAYER_NOT_PRESENT:
+      return "layer not present";
+    case VK_ERROR_EXTENSION_NOT_PRESENT:
+      return "extension not present";
+    case VK_ERROR_FEATURE_NOT_PRESENT:
+      return "feature not present";
+    case VK_ERROR_INCOMPATIBLE_DRIVER:
+      return "incompatible driver";
+    case VK_ERROR_FORMAT_NOT_SUPPORTED:
+      return "format not supported";
+    default:
+      return "error";
   }
 }
 
@@ -60,8 +70,11 @@ VkInstance createInstance(bool validation, bool& debugUtils) {
     vkEnumerateInstanceLayerProperties(&layerCount, nullptr);
     std::vector<VkLayerProperties> known(layerCount);
     vkEnumerateInstanceLayerProperties(&layerCount, known.data());
-    const bool found = std::any_of(known.begin(), known.end(), [](const auto& l) { return std::strcmp(l.layerName, kValidationLayer) == 0; });
-    if (!found || !debugUtils) throw Error("FAROL_VALIDATION is set but {} is not installed (Debian: vulkan-validationlayers)", kValidationLayer);
+    const bool found = std::any_of(known.begin(), known.end(),
+                                   [](const auto& l) { return std::strcmp(l.layerName, kValidationLayer) == 0; });
+    if (!found || !debugUtils)
+      throw Error("FAROL_VALIDATION is set but {} is not installed (Debian: vulkan-validationlayers)",
+                  kValidationLayer);
     layers.push_back(kValidationLayer);
   }
   VkApplicationInfo application{};
@@ -87,11 +100,16 @@ VkInstance createInstance(bool validation, bool& debugUtils) {
 
 const char* typeName(VkPhysicalDeviceType type) {
   switch (type) {
-    case VK_PHYSICAL_DEVICE_TYPE_DISCRETE_GPU: return "discrete GPU";
-    case VK_PHYSICAL_DEVICE_TYPE_INTEGRATED_GPU: return "integrated GPU";
-    case VK_PHYSICAL_DEVICE_TYPE_VIRTUAL_GPU: return "virtual GPU";
-    case VK_PHYSICAL_DEVICE_TYPE_CPU: return "CPU";
-    default: return "other";
+    case VK_PHYSICAL_DEVICE_TYPE_DISCRETE_GPU:
+      return "discrete GPU";
+    case VK_PHYSICAL_DEVICE_TYPE_INTEGRATED_GPU:
+      return "integrated GPU";
+    case VK_PHYSICAL_DEVICE_TYPE_VIRTUAL_GPU:
+      return "virtual GPU";
+    case VK_PHYSICAL_DEVICE_TYPE_CPU:
+      return "CPU";
+    default:
+      return "other";
   }
 }
 
@@ -125,9 +143,11 @@ std::string refusalOf(VkPhysicalDevice device, const VkPhysicalDeviceProperties&
   if (queueFamilyOf(device) < 0) return "has no queue for both graphics and compute";
   VkFormatProperties format{};
   vkGetPhysicalDeviceFormatProperties(device, VK_FORMAT_R32_UINT, &format);
-  if ((format.optimalTilingFeatures & VK_FORMAT_FEATURE_COLOR_ATTACHMENT_BIT) == 0) return "cannot draw into 32-bit integer images";
+  if ((format.optimalTilingFeatures & VK_FORMAT_FEATURE_COLOR_ATTACHMENT_BIT) == 0)
+    return "cannot draw into 32-bit integer images";
   vkGetPhysicalDeviceFormatProperties(device, VK_FORMAT_D32_SFLOAT, &format);
-  if ((format.optimalTilingFeatures & VK_FORMAT_FEATURE_DEPTH_STENCIL_ATTACHMENT_BIT) == 0) return "has no 32-bit float depth images";
+  if ((format.optimalTilingFeatures & VK_FORMAT_FEATURE_DEPTH_STENCIL_ATTACHMENT_BIT) == 0)
+    return "has no 32-bit float depth images";
   return "";
 }
 
@@ -144,8 +164,8 @@ std::vector<std::pair<VkPhysicalDevice, DeviceInfo>> enumerate(VkInstance instan
     info.index = i;
     info.name = base.deviceName;
     info.type = typeName(base.deviceType);
-    info.apiVersion = fmt::format("{}.{}.{}", VK_API_VERSION_MAJOR(base.apiVersion), VK_API_VERSION_MINOR(base.apiVersion),
-                                  VK_API_VERSION_PATCH(base.apiVersion));
+    info.apiVersion = fmt::format("{}.{}.{}", VK_API_VERSION_MAJOR(base.apiVersion),
+                                  VK_API_VERSION_MINOR(base.apiVersion), VK_API_VERSION_PATCH(base.apiVersion));
     info.refusal = refusalOf(handles[i], base);
     if (base.apiVersion >= VK_API_VERSION_1_2) {
       VkPhysicalDeviceDriverProperties driver{};
@@ -161,13 +181,15 @@ std::vector<std::pair<VkPhysicalDevice, DeviceInfo>> enumerate(VkInstance instan
       features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
       features.pNext = &features12;
       vkGetPhysicalDeviceFeatures2(handles[i], &features);
-      info.layeredDrawing = features12.shaderOutputLayer == VK_TRUE && features.features.drawIndirectFirstInstance == VK_TRUE &&
+      info.layeredDrawing = features12.shaderOutputLayer == VK_TRUE &&
+                            features.features.drawIndirectFirstInstance == VK_TRUE &&
                             features.features.multiDrawIndirect == VK_TRUE;
     }
     VkPhysicalDeviceMemoryProperties memory{};
     vkGetPhysicalDeviceMemoryProperties(handles[i], &memory);
     for (uint32_t h = 0; h < memory.memoryHeapCount; ++h) {
-      if ((memory.memoryHeaps[h].flags & VK_MEMORY_HEAP_DEVICE_LOCAL_BIT) != 0) info.memoryBytes += memory.memoryHeaps[h].size;
+      if ((memory.memoryHeaps[h].flags & VK_MEMORY_HEAP_DEVICE_LOCAL_BIT) != 0)
+        info.memoryBytes += memory.memoryHeaps[h].size;
     }
     result.emplace_back(handles[i], info);
   }
@@ -175,7 +197,8 @@ std::vector<std::pair<VkPhysicalDevice, DeviceInfo>> enumerate(VkInstance instan
 }
 
 std::string lowered(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  std::transform(text.begin(), text.end(), text.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   return text;
 }
 
@@ -227,7 +250,8 @@ void createLogicalDevice(Device::Impl& d) {
 }  // namespace
 
 void check(VkResult result, const std::string& operation) {
-  if (result != VK_SUCCESS) throw Error("failed to {}: {} (VkResult {})", operation, resultName(result), static_cast<int>(result));
+  if (result != VK_SUCCESS)
+    throw Error("failed to {}: {} (VkResult {})", operation, resultName(result), static_cast<int>(result));
 }
 
 Device::Impl::~Impl() {
@@ -269,7 +293,8 @@ VkDeviceMemory Device::Impl::allocate(const VkMemoryRequirements& needs, VkMemor
   allocation.allocationSize = needs.size;
   allocation.memoryTypeIndex = chosen;
   VkDeviceMemory result = VK_NULL_HANDLE;
-  check(vk.vkAllocateMemory(device, &allocation, nullptr, &result), fmt::format("allocate {} bytes for {}", needs.size, what));
+  check(vk.vkAllocateMemory(device, &allocation, nullptr, &result),
+        fmt::format("allocate {} bytes for {}", needs.size, what));
   return result;
 }
 
@@ -289,11 +314,14 @@ Device::Device(const std::string& wanted) : impl_(std::make_unique<Impl>()) {
   if (validation) {
     VkDebugUtilsMessengerCreateInfoEXT listener{};
     listener.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT;
-    listener.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT | VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT;
-    listener.messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT | VK_DEBUG_UTILS_MESSAGE_TYPE_PERFORMANCE_BIT_EXT;
+    listener.messageSeverity =
+        VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT | VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT;
+    listener.messageType =
+        VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT | VK_DEBUG_UTILS_MESSAGE_TYPE_PERFORMANCE_BIT_EXT;
     listener.pfnUserCallback = onMessage;
     listener.pUserData = &d;
-    check(vkCreateDebugUtilsMessengerEXT(d.instance, &listener, nullptr, &d.messenger), "listen to the validation layer");
+    check(vkCreateDebugUtilsMessengerEXT(d.instance, &listener, nullptr, &d.messenger),
+          "listen to the validation layer");
   }
   const auto devices = enumerate(d.instance);
   std::string reasons;
@@ -328,9 +356,17 @@ Device::Device(const std::string& wanted) : impl_(std::make_unique<Impl>()) {
 Device::~Device() = default;
 Device::Device(Device&&) noexcept = default;
 
-const DeviceInfo& Device::info() const { return impl_->info; }
-const Limits& Device::limits() const { return impl_->limits; }
-size_t Device::validationMessages() const { return impl_->messages; }
-void Device::waitIdle() const { check(impl_->vk.vkDeviceWaitIdle(impl_->device), "wait for the device"); }
+const DeviceInfo& Device::info() const {
+  return impl_->info;
+}
+const Limits& Device::limits() const {
+  return impl_->limits;
+}
+size_t Device::validationMessages() const {
+  return impl_->messages;
+}
+void Device::waitIdle() const {
+  check(impl_->vk.vkDeviceWaitIdle(impl_->device), "wait for the device");
+}
 
 }  // namespace farol::gpu

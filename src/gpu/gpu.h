@@ -17,7 +17,7 @@ struct DeviceInfo {
   std::string name, type, driver, apiVersion;
   uint64_t memoryBytes = 0;
   bool layeredDrawing = false;  // vertex shaders may choose the layer, indirect draws their first instance
-  std::string refusal;               // why the device cannot be used; empty when it can
+  std::string refusal;          // why the device cannot be used; empty when it can
 };
 
 struct Limits {
@@ -139,7 +139,8 @@ class Pipeline {
 
 class ComputePipeline : public Pipeline {
  public:
-  ComputePipeline(const Device& device, const std::string& name, Spirv shader, uint32_t bufferCount, uint32_t pushBytes);
+  ComputePipeline(const Device& device, const std::string& name, Spirv shader, uint32_t bufferCount,
+                  uint32_t pushBytes);
 };
 
 // Indexed triangles; vertices are 16 bytes: three floats (location 0) and one unsigned integer (location 1).

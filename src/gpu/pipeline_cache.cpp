@@ -1,11 +1,10 @@
 #include "gpu/vulkan_impl.h"
 
-#include <unistd.h>
-
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <unistd.h>
 
 namespace farol::gpu {
 namespace {
@@ -16,9 +15,12 @@ fs::path cacheFile(const Device::Impl& device) {
   const char* cache = std::getenv("XDG_CACHE_HOME");
   const char* home = std::getenv("HOME");
   fs::path folder;
-  if (cache != nullptr && *cache != '\0') folder = cache;
-  else if (home != nullptr && *home != '\0') folder = fs::path(home) / ".cache";
-  else return {};
+  if (cache != nullptr && *cache != '\0')
+    folder = cache;
+  else if (home != nullptr && *home != '\0')
+    folder = fs::path(home) / ".cache";
+  else
+    return {};
   return folder / "farol" / ("pipelines-" + device.cacheKey + ".bin");
 }
 
@@ -35,13 +37,16 @@ void loadPipelineCache(Device::Impl& device) {
   info.sType = VK_STRUCTURE_TYPE_PIPELINE_CACHE_CREATE_INFO;
   info.initialDataSize = data.size();  // the driver ignores data that is not its own
   info.pInitialData = data.data();
-  check(device.vk.vkCreatePipelineCache(device.device, &info, nullptr, &device.pipelineCache), "create a pipeline cache");
+  check(device.vk.vkCreatePipelineCache(device.device, &info, nullptr, &device.pipelineCache),
+        "create a pipeline cache");
 }
 
 void savePipelineCache(const Device::Impl& device) {
   const fs::path file = cacheFile(device);
   size_t size = 0;
-  if (file.empty() || device.vk.vkGetPipelineCacheData(device.device, device.pipelineCache, &size, nullptr) != VK_SUCCESS) return;
+  if (file.empty() ||
+      device.vk.vkGetPipelineCacheData(device.device, device.pipelineCache, &size, nullptr) != VK_SUCCESS)
+    return;
   if (size == device.loadedCacheBytes) return;
   std::vector<char> data(size);
   if (device.vk.vkGetPipelineCacheData(device.device, device.pipelineCache, &size, data.data()) != VK_SUCCESS) return;

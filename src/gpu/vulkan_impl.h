@@ -4,12 +4,11 @@
 #include "gpu/gpu.h"
 
 #define VK_NO_PROTOTYPES
-#include <volk.h>
-
 #include <atomic>
 #include <map>
 #include <string>
 #include <utility>
+#include <volk.h>
 
 namespace farol::gpu {
 

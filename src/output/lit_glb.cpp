@@ -1,11 +1,10 @@
 #include "base/output_file.h"
 #include "output/output.h"
 
-#include <nlohmann/json.hpp>
-
 #include <array>
 #include <cstring>
 #include <limits>
+#include <nlohmann/json.hpp>
 
 namespace farol {
 namespace {
@@ -58,17 +57,21 @@ class LitGlb {
       }
       roots.push_back(nodes.size());
       // Vertices are relative to the scene's centre, so that float32 keeps its digits far from the origin.
-      nodes.push_back({{"name", name}, {"mesh", meshes.size()},
+      nodes.push_back({{"name", name},
+                       {"mesh", meshes.size()},
                        {"translation", {facets_.frame.centre.x, facets_.frame.centre.y, facets_.frame.centre.z}}});
       meshes.push_back(entry);
     }
     addCameras(nodes, roots, document);
     document["asset"] = {{"version", "2.0"}, {"generator", "farol"}};
     document["extensionsUsed"] = {"KHR_materials_unlit"};
-    document["materials"] = json::array({{{"name", "lit"}, {"extensions", {{"KHR_materials_unlit", json::object()}}},
-                                          {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 1}}, {"metallicFactor", 0}}}}});
+    document["materials"] =
+        json::array({{{"name", "lit"},
+                      {"extensions", {{"KHR_materials_unlit", json::object()}}},
+                      {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 1}}, {"metallicFactor", 0}}}}});
     document["scene"] = 0;
-    document["scenes"] = json::array({{{"nodes", roots}, {"extras", {{"scale", scale}, {"color", "COLOR_0 = scale * B / pi"}}}}});
+    document["scenes"] =
+        json::array({{{"nodes", roots}, {"extras", {{"scale", scale}, {"color", "COLOR_0 = scale * B / pi"}}}}});
     document["nodes"] = nodes;
     document["meshes"] = meshes;
     document["accessors"] = accessors_;
@@ -89,7 +92,8 @@ class LitGlb {
     const CellGrid& g = patches_.grids[cell.facet];
     LitMesh& mesh = meshes_[2 * f.surface + (cell.back ? 1 : 0)];
     const auto first = static_cast<uint32_t>(mesh.position.size() / 3);
-    constexpr std::array<std::array<double, 2>, 4> kQuad = {{{0, 0}, {1, 0}, {1, 1}, {0, 1}}}, kTriangle = {{{0, 0}, {1, 0}, {0, 1}, {0, 0}}};
+    constexpr std::array<std::array<double, 2>, 4> kQuad = {{{0, 0}, {1, 0}, {1, 1}, {0, 1}}},
+                                                   kTriangle = {{{0, 0}, {1, 0}, {0, 1}, {0, 0}}};
     const size_t count = f.parallelogram ? 4 : 3;
     for (size_t k = 0; k < count; ++k) {
       const auto& st = f.parallelogram ? kQuad[k] : kTriangle[k];
@@ -113,7 +117,10 @@ class LitGlb {
     binary_.append(reinterpret_cast<const char*>(data.data()), bytes);
     views_.push_back({{"buffer", 0}, {"byteOffset", offset}, {"byteLength", bytes}, {"target", target}});
     const size_t per = std::string_view(type) == "VEC3" ? 3 : 1;
-    json accessor = {{"bufferView", views_.size() - 1}, {"componentType", componentType}, {"type", type}, {"count", data.size() / per}};
+    json accessor = {{"bufferView", views_.size() - 1},
+                     {"componentType", componentType},
+                     {"type", type},
+                     {"count", data.size() / per}};
     if (bounds) {
       std::array<T, 3> low, high;
       low.fill(std::numeric_limits<T>::max());
@@ -132,14 +139,22 @@ class LitGlb {
   void addCameras(json& nodes, json& roots, json& document) const {
     for (const Camera& camera : scene_.cameras) {
       const Vec3 right = glm::cross(camera.forward, camera.up), back = -camera.forward;
-      const json lens = camera.orthographic
-                            ? json{{"type", "orthographic"}, {"orthographic", {{"xmag", camera.halfWidth}, {"ymag", camera.halfHeight},
-                                   {"znear", 1e-3 * facets_.frame.size}, {"zfar", 10 * facets_.frame.size}}}}
-                            : json{{"type", "perspective"}, {"perspective", {{"yfov", camera.verticalFov}, {"znear", 1e-3 * facets_.frame.size}}}};
+      const json lens =
+          camera.orthographic
+              ? json{{"type", "orthographic"},
+                     {"orthographic",
+                      {{"xmag", camera.halfWidth},
+                       {"ymag", camera.halfHeight},
+                       {"znear", 1e-3 * facets_.frame.size},
+                       {"zfar", 10 * facets_.frame.size}}}}
+              : json{{"type", "perspective"},
+                     {"perspective", {{"yfov", camera.verticalFov}, {"znear", 1e-3 * facets_.frame.size}}}};
       roots.push_back(nodes.size());
-      nodes.push_back({{"name", camera.name}, {"camera", document["cameras"].size()},
-                       {"matrix", {right.x, right.y, right.z, 0, camera.up.x, camera.up.y, camera.up.z, 0, back.x, back.y, back.z, 0,
-                                   camera.position.x, camera.position.y, camera.position.z, 1}}});
+      nodes.push_back({{"name", camera.name},
+                       {"camera", document["cameras"].size()},
+                       {"matrix",
+                        {right.x, right.y, right.z, 0, camera.up.x, camera.up.y, camera.up.z, 0, back.x, back.y, back.z,
+                         0, camera.position.x, camera.position.y, camera.position.z, 1}}});
       document["cameras"].push_back(lens);
     }
   }

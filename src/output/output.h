@@ -21,7 +21,8 @@ void writePatchesCsv(const std::string& path, const Scene& scene, const PatchSet
 
 // Mean factors between surfaces, weighted by exposed area: header "surface,area,<names...>,(open),(cut)"; what
 // black backs take is in no column, so that a row sums to 1 minus their share.
-void writeFactorsBySurface(const std::string& path, const Scene& scene, const PatchSet& patches, const FormFactorMatrix& f);
+void writeFactorsBySurface(const std::string& path, const Scene& scene, const PatchSet& patches,
+                           const FormFactorMatrix& f);
 
 // F by patch: NumPy dense float32 [N x N], or MatrixMarket coordinates of the entries above 0.
 void writeFactorsNpy(const std::string& path, const FormFactorMatrix& f);

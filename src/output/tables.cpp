@@ -2,7 +2,6 @@
 #include "output/output.h"
 
 #include <fmt/ostream.h>
-
 #include <map>
 
 namespace farol {
@@ -16,25 +15,29 @@ std::string csvField(const std::string& text) {
   return quoted + "\"";
 }
 
-std::string triple(const Vec3& v) { return fmt::format("{},{},{}", v.x, v.y, v.z); }
+std::string triple(const Vec3& v) {
+  return fmt::format("{},{},{}", v.x, v.y, v.z);
+}
 
 }  // namespace
 
 void writePatchesCsv(const std::string& path, const Scene& scene, const PatchSet& patches, const FormFactorMatrix* f,
                      const Solution& solution) {
   OutputFile file(path);
-  file.stream() << "patch,surface,cx,cy,cz,nx,ny,nz,area,rho_r,rho_g,rho_b,E_r,E_g,E_b,B_r,B_g,B_b,H_r,H_g,H_b,exposed_area,err\r\n";
+  file.stream() << "patch,surface,cx,cy,cz,nx,ny,nz,area,rho_r,rho_g,rho_b,E_r,E_g,E_b,B_r,B_g,B_b,H_r,H_g,H_b,exposed_"
+                   "area,err\r\n";
   for (size_t i = 0; i < patches.size(); ++i) {
     const Patch& p = patches.patches[i];
     const double exposed = f != nullptr ? f->shares(i).exposed : 1;
-    fmt::print(file.stream(), "{},{},{},{},{},{},{},{},{},{},nan\r\n", i, csvField(surfaceNameOf(scene, p)), triple(p.centre),
-               triple(p.normal), p.area, triple(p.reflectance), triple(p.emission), triple(solution.radiosity[i]),
-               triple(solution.irradiance[i]), p.area * exposed);
+    fmt::print(file.stream(), "{},{},{},{},{},{},{},{},{},{},nan\r\n", i, csvField(surfaceNameOf(scene, p)),
+               triple(p.centre), triple(p.normal), p.area, triple(p.reflectance), triple(p.emission),
+               triple(solution.radiosity[i]), triple(solution.irradiance[i]), p.area * exposed);
   }
   file.commit();
 }
 
-void writeFactorsBySurface(const std::string& path, const Scene& scene, const PatchSet& patches, const FormFactorMatrix& f) {
+void writeFactorsBySurface(const std::string& path, const Scene& scene, const PatchSet& patches,
+                           const FormFactorMatrix& f) {
   std::vector<std::string> names;
   std::map<std::pair<uint32_t, bool>, size_t> index;
   std::vector<size_t> surfaceOf;

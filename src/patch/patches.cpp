@@ -21,7 +21,9 @@ EdgeLengths edgeLengths(const FacetSet& set, const Facet& f) {
 }
 
 // Cells along an edge: ceil(l / S); a length that is a whole multiple up to rounding stays exact.
-double cellsAlong(double length, double size) { return std::max(1.0, std::ceil(length / size * (1 - 1e-9))); }
+double cellsAlong(double length, double size) {
+  return std::max(1.0, std::ceil(length / size * (1 - 1e-9)));
+}
 
 double countCells(const FacetSet& set, const std::vector<EdgeLengths>& edges, double size) {
   double sum = 0;
@@ -51,7 +53,9 @@ double targetCells(const FacetSet& set, size_t asked) {
 }
 
 // Index of the first cell of row v in a triangle's grid of n rows.
-uint32_t triangleRow(uint32_t n, uint32_t v) { return v * (2 * n - v); }
+uint32_t triangleRow(uint32_t n, uint32_t v) {
+  return v * (2 * n - v);
+}
 
 void addCells(PatchSet& set, const FacetSet& facets, bool back) {
   for (uint32_t f = 0; f < facets.facets.size(); ++f) {
@@ -78,7 +82,8 @@ Optics cellOptics(const Scene& scene, const Facet& facet, const CellGrid& grid, 
   int samples = 1;
   if (material.textured()) {
     double texels = 1;
-    for (const TextureUse* use : {&material.baseTexture, &material.emissionTexture, &material.metallicRoughnessTexture}) {
+    for (const TextureUse* use :
+         {&material.baseTexture, &material.emissionTexture, &material.metallicRoughnessTexture}) {
       if (!use->used()) continue;
       const Texture& texture = scene.textures[static_cast<size_t>(use->texture)];
       const auto uvAt = [&](double s, double t) {
@@ -191,7 +196,8 @@ void mapCells(PatchSet& set, const Scene& scene, const FacetSet& facets, std::ve
     patch.back = cell.back;
     patch.normal = cell.back ? -facet.normal : facet.normal;
     const double area = cellArea(facets, grid, cell.facet);
-    const Vec2 uv = facet.parallelogram ? cellPoint(grid, true, cell, 0.5, 0.5) : cellPoint(grid, false, cell, 1.0 / 3, 1.0 / 3);
+    const Vec2 uv =
+        facet.parallelogram ? cellPoint(grid, true, cell, 0.5, 0.5) : cellPoint(grid, false, cell, 1.0 / 3, 1.0 / 3);
     const Optics optics = cellOptics(scene, facet, grid, cell);
     if (maxChannel(optics.diffuse + optics.specular + optics.transmission) > 1 + 1e-9) {
       throw Error("{}: surface '{}': reflectance {} is above 1", scene.path, scene.surfaces[facet.surface].name,

@@ -16,7 +16,7 @@ inline constexpr uint32_t kNone = 0xFFFFFFFFu;
 // n = nu = nv; row v holds 2 (n - v) - 1 of them, upright and inverted in turn.
 struct CellGrid {
   uint32_t nu = 1, nv = 1;
-  uint32_t frontCell = 0;      // first cell of the front side
+  uint32_t frontCell = 0;     // first cell of the front side
   uint32_t backCell = kNone;  // first cell of the back side; kNone when the back is black
 
   uint32_t count(bool parallelogram) const { return parallelogram ? nu * nv : nu * nu; }
@@ -32,10 +32,10 @@ struct Cell {
 
 struct Patch {
   uint32_t surface = 0;
-  bool back = false;  // the far side of a double-sided surface
-  Vec3 centre{0};     // area centroid [scene units]
-  Vec3 normal{0};     // unit vector on the side that emits
-  double area = 0;    // [scene units squared]
+  bool back = false;   // the far side of a double-sided surface
+  Vec3 centre{0};      // area centroid [scene units]
+  Vec3 normal{0};      // unit vector on the side that emits
+  double area = 0;     // [scene units squared]
   Rgb reflectance{0};  // rho, diffuse
   Rgb specular{0};     // mirror reflectance + transmission: light that does not scatter
   Rgb emission{0};     // exitance E [flux per area]
@@ -44,9 +44,9 @@ struct Patch {
 };
 
 struct PatchSet {
-  std::vector<CellGrid> grids;     // one per facet
-  std::vector<Cell> cells;         // all front cells, then all back cells
-  std::vector<uint32_t> cellMap;   // cell -> patch
+  std::vector<CellGrid> grids;    // one per facet
+  std::vector<Cell> cells;        // all front cells, then all back cells
+  std::vector<uint32_t> cellMap;  // cell -> patch
   std::vector<Patch> patches;
   std::vector<uint32_t> firstCell;  // [patches + 1] start of each patch's cells in patchCells
   std::vector<uint32_t> patchCells;
@@ -59,8 +59,8 @@ struct PatchSet {
 };
 
 struct PatchOptions {
-  size_t count = 4000;   // about so many patches over the front sides, when size is 0
-  double size = 0;       // longest cell edge [scene units]
+  size_t count = 4000;  // about so many patches over the front sides, when size is 0
+  double size = 0;      // longest cell edge [scene units]
 };
 
 // Throws Error when a reflectance exceeds 1 or the number of cells exceeds 2^31.

@@ -77,7 +77,8 @@ std::vector<Position> positionsOn(const FacetSet& facets, const PatchSet& patche
     if (root * root == count) return gaussPositions(facets, patches, patches.cells[cells[0]], root);
   }
   double total = 0;
-  for (const uint32_t c : cells) total += cellArea(facets, patches.grids[patches.cells[c].facet], patches.cells[c].facet);
+  for (const uint32_t c : cells)
+    total += cellArea(facets, patches.grids[patches.cells[c].facet], patches.cells[c].facet);
   constexpr double kPlastic = 1.32471795724474602596;  // root of x^3 = x + 1
   const double shiftS = unitFromBits(mixBits(seed)), shiftT = unitFromBits(mixBits(seed + 1));
   std::vector<Position> result;

@@ -14,12 +14,18 @@ double readComponent(const unsigned char* p, int type, bool normalized) {
     return static_cast<double>(zero);
   };
   switch (type) {
-    case TINYGLTF_COMPONENT_TYPE_BYTE: return normalized ? std::max(as(int8_t{}) / 127.0, -1.0) : as(int8_t{});
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE: return normalized ? as(uint8_t{}) / 255.0 : as(uint8_t{});
-    case TINYGLTF_COMPONENT_TYPE_SHORT: return normalized ? std::max(as(int16_t{}) / 32767.0, -1.0) : as(int16_t{});
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT: return normalized ? as(uint16_t{}) / 65535.0 : as(uint16_t{});
-    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT: return as(uint32_t{});
-    default: return as(float{});
+    case TINYGLTF_COMPONENT_TYPE_BYTE:
+      return normalized ? std::max(as(int8_t{}) / 127.0, -1.0) : as(int8_t{});
+    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE:
+      return normalized ? as(uint8_t{}) / 255.0 : as(uint8_t{});
+    case TINYGLTF_COMPONENT_TYPE_SHORT:
+      return normalized ? std::max(as(int16_t{}) / 32767.0, -1.0) : as(int16_t{});
+    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT:
+      return normalized ? as(uint16_t{}) / 65535.0 : as(uint16_t{});
+    case TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT:
+      return as(uint32_t{});
+    default:
+      return as(float{});
   }
 }
 
@@ -55,7 +61,8 @@ std::vector<double> readAccessor(const tinygltf::Model& model, int accessor, int
   const auto readElement = [&](const unsigned char* from, size_t element) {
     for (size_t c = 0; c < per; ++c) {
       const double value = readComponent(from + c * width, a.componentType, a.normalized);
-      if (!std::isfinite(value)) throw Error("{}: element {} of accessor {} is not a finite number", who, element, accessor);
+      if (!std::isfinite(value))
+        throw Error("{}: element {} of accessor {} is not a finite number", who, element, accessor);
       values[element * per + c] = value;
     }
   };
@@ -69,13 +76,17 @@ std::vector<double> readAccessor(const tinygltf::Model& model, int accessor, int
     const auto count = static_cast<size_t>(a.sparse.count);
     const auto indexWidth =
         static_cast<size_t>(tinygltf::GetComponentSizeInBytes(static_cast<uint32_t>(a.sparse.indices.componentType)));
-    const unsigned char* indices = locate(model, a.sparse.indices.bufferView,
-                                          static_cast<size_t>(a.sparse.indices.byteOffset), count, indexWidth, indexWidth, who);
-    const unsigned char* data = locate(model, a.sparse.values.bufferView, static_cast<size_t>(a.sparse.values.byteOffset),
-                                       count, width * per, width * per, who);
+    const unsigned char* indices =
+        locate(model, a.sparse.indices.bufferView, static_cast<size_t>(a.sparse.indices.byteOffset), count, indexWidth,
+               indexWidth, who);
+    const unsigned char* data =
+        locate(model, a.sparse.values.bufferView, static_cast<size_t>(a.sparse.values.byteOffset), count, width * per,
+               width * per, who);
     for (size_t i = 0; i < count; ++i) {
-      const auto at = static_cast<size_t>(readComponent(indices + i * indexWidth, a.sparse.indices.componentType, false));
-      if (at >= a.count) throw Error("{}: sparse index {} of accessor {} is outside its {} elements", who, at, accessor, a.count);
+      const auto at =
+          static_cast<size_t>(readComponent(indices + i * indexWidth, a.sparse.indices.componentType, false));
+      if (at >= a.count)
+        throw Error("{}: sparse index {} of accessor {} is outside its {} elements", who, at, accessor, a.count);
       readElement(data + i * width * per, at);
     }
   }

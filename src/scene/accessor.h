@@ -3,9 +3,8 @@
 
 #include "base/math.h"
 
-#include <tiny_gltf.h>
-
 #include <string>
+#include <tiny_gltf.h>
 #include <vector>
 
 namespace farol {

@@ -19,9 +19,14 @@ constexpr uint64_t kMaxFileBytes = 1ull << 31;  // one file or buffer; tinygltf 
 constexpr uint64_t kMaxElements = 1ull << 28;   // entries of one accessor
 
 // Extensions whose meaning is honoured (design section 4). Any other required one is refused.
-constexpr std::array<std::string_view, 8> kKnownExtensions = {
-    "KHR_materials_emissive_strength", "KHR_lights_punctual",   "KHR_materials_transmission", "KHR_materials_ior",
-    "KHR_materials_volume",            "KHR_materials_unlit",   "KHR_texture_transform",      "KHR_mesh_quantization"};
+constexpr std::array<std::string_view, 8> kKnownExtensions = {"KHR_materials_emissive_strength",
+                                                              "KHR_lights_punctual",
+                                                              "KHR_materials_transmission",
+                                                              "KHR_materials_ior",
+                                                              "KHR_materials_volume",
+                                                              "KHR_materials_unlit",
+                                                              "KHR_texture_transform",
+                                                              "KHR_mesh_quantization"};
 
 const std::map<int, unsigned> kComponentBytes = {{5120, 1}, {5121, 1}, {5122, 2}, {5123, 2}, {5125, 4}, {5126, 4}};
 const std::map<std::string, unsigned> kTypeComponents = {{"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4},
@@ -242,7 +247,8 @@ class Checker {
       if (!nodes[i].contains("children")) continue;
       for (const json& child : nodes[i]["children"]) {
         const auto c = child.get<size_t>();
-        if (parent[c] >= 0) fail(fmt::format("node {}", c), fmt::format("is a child of node {} and of node {}", parent[c], i));
+        if (parent[c] >= 0)
+          fail(fmt::format("node {}", c), fmt::format("is a child of node {} and of node {}", parent[c], i));
         parent[c] = static_cast<int64_t>(i);
       }
     }
@@ -250,11 +256,14 @@ class Checker {
     // mark again is a cycle. Every node is marked once, so deep chains stay cheap.
     std::vector<size_t> walk(nodes.size(), 0);
     for (size_t i = 0; i < nodes.size(); ++i) {
-      for (auto at = static_cast<int64_t>(i); at >= 0 && walk[static_cast<size_t>(at)] != kRooted; at = parent[static_cast<size_t>(at)]) {
-        if (walk[static_cast<size_t>(at)] == i + 1) fail(fmt::format("node {}", at), "is its own ancestor (a cycle of nodes)");
+      for (auto at = static_cast<int64_t>(i); at >= 0 && walk[static_cast<size_t>(at)] != kRooted;
+           at = parent[static_cast<size_t>(at)]) {
+        if (walk[static_cast<size_t>(at)] == i + 1)
+          fail(fmt::format("node {}", at), "is its own ancestor (a cycle of nodes)");
         walk[static_cast<size_t>(at)] = i + 1;
       }
-      for (auto at = static_cast<int64_t>(i); at >= 0 && walk[static_cast<size_t>(at)] == i + 1; at = parent[static_cast<size_t>(at)]) {
+      for (auto at = static_cast<int64_t>(i); at >= 0 && walk[static_cast<size_t>(at)] == i + 1;
+           at = parent[static_cast<size_t>(at)]) {
         walk[static_cast<size_t>(at)] = kRooted;
       }
     }

@@ -4,11 +4,10 @@
 #include "scene/material_load.h"
 #include "scene/scene.h"
 
+#include <filesystem>
 #include <glm/gtc/quaternion.hpp>
 #include <glm/mat4x4.hpp>
 #include <glm/matrix.hpp>
-
-#include <filesystem>
 #include <map>
 #include <set>
 #include <utility>
@@ -18,7 +17,9 @@ namespace {
 
 using Mat4 = glm::dmat4;
 
-double triangleArea(const Vec3& a, const Vec3& b, const Vec3& c) { return 0.5 * glm::length(glm::cross(b - a, c - a)); }
+double triangleArea(const Vec3& a, const Vec3& b, const Vec3& c) {
+  return 0.5 * glm::length(glm::cross(b - a, c - a));
+}
 
 class Loader {
  public:
@@ -162,13 +163,15 @@ class Loader {
     return it != primitive.attributes.end() ? it->second : -1;
   }
 
-  void readPositions(const tinygltf::Primitive& primitive, const Mat4& matrix, const std::string& who, Surface& surface) const {
+  void readPositions(const tinygltf::Primitive& primitive, const Mat4& matrix, const std::string& who,
+                     Surface& surface) const {
     const int accessor = attribute(primitive, "POSITION");
     if (accessor < 0) throw Error("{}: has no POSITION", who);
     const auto values = readAccessor(model_, accessor, 3, who + ": POSITION");
     for (size_t i = 0; i + 2 < values.size(); i += 3) {
       const Vec3 p = Vec3(matrix * glm::dvec4(values[i], values[i + 1], values[i + 2], 1.0));
-      if (!std::isfinite(p.x + p.y + p.z)) throw Error("{}: vertex {} is not finite after the node's transform", who, i / 3);
+      if (!std::isfinite(p.x + p.y + p.z))
+        throw Error("{}: vertex {} is not finite after the node's transform", who, i / 3);
       surface.positions.push_back(p);
     }
   }
@@ -179,7 +182,8 @@ class Loader {
     }
   }
 
-  void readNormals(const tinygltf::Primitive& primitive, const Mat4& matrix, const std::string& who, Surface& surface) const {
+  void readNormals(const tinygltf::Primitive& primitive, const Mat4& matrix, const std::string& who,
+                   Surface& surface) const {
     const int accessor = attribute(primitive, "NORMAL");
     if (accessor < 0 || glm::determinant(matrix) == 0) return;
     const auto values = readAccessor(model_, accessor, 3, who + ": NORMAL");
@@ -217,7 +221,8 @@ class Loader {
     }
   }
 
-  void readTriangles(const tinygltf::Primitive& primitive, int mode, bool flip, const std::string& who, Surface& surface) const {
+  void readTriangles(const tinygltf::Primitive& primitive, int mode, bool flip, const std::string& who,
+                     Surface& surface) const {
     std::vector<uint32_t> indices;
     const size_t vertices = surface.positions.size();
     if (primitive.indices >= 0) {
@@ -257,7 +262,8 @@ class Loader {
       area += triangleArea(surface.positions[t[0]], surface.positions[t[1]], surface.positions[t[2]]);
     }
     const auto& json = document_.json;
-    const auto given = surface.material + 1 < scene_.materials.size() ? json["materials"][surface.material] : nlohmann::json::object();
+    const auto given =
+        surface.material + 1 < scene_.materials.size() ? json["materials"][surface.material] : nlohmann::json::object();
     const auto mode = given.find("alphaMode");
     if (mode != given.end() && *mode != "OPAQUE") alphaArea_ += area;
     if (material.metallic > 0 && !material.unlit && material.roughness > kMirrorRoughness && !material.exactDiffuse &&
@@ -273,12 +279,14 @@ class Loader {
     camera.forward = glm::normalize(-Vec3(matrix[2]));
     const Vec3 up = Vec3(matrix[1]);
     camera.up = glm::normalize(up - glm::dot(up, camera.forward) * camera.forward);
-    if (!std::isfinite(camera.forward.x + camera.up.x)) fail(fmt::format("camera '{}'", nodeName), "has a degenerate transform");
+    if (!std::isfinite(camera.forward.x + camera.up.x))
+      fail(fmt::format("camera '{}'", nodeName), "has a degenerate transform");
     camera.orthographic = source.type == "orthographic";
     if (camera.orthographic) {
       camera.halfWidth = source.orthographic.xmag;
       camera.halfHeight = source.orthographic.ymag;
-      if (!(camera.halfWidth > 0 && camera.halfHeight > 0)) fail(fmt::format("camera '{}'", nodeName), "xmag and ymag must be above 0");
+      if (!(camera.halfWidth > 0 && camera.halfHeight > 0))
+        fail(fmt::format("camera '{}'", nodeName), "xmag and ymag must be above 0");
     } else {
       camera.verticalFov = source.perspective.yfov;
       if (!(camera.verticalFov > 0 && camera.verticalFov < kPi)) {
@@ -306,9 +314,12 @@ class Loader {
     light.direction = glm::normalize(-Vec3(matrix[2]));
     try {
       const auto type = source.at("type").get<std::string>();
-      if (type == "spot") light.kind = PunctualLight::Kind::spot;
-      else if (type == "directional") light.kind = PunctualLight::Kind::directional;
-      else if (type != "point") fail(who, fmt::format("type is '{}', not point, spot or directional", type));
+      if (type == "spot")
+        light.kind = PunctualLight::Kind::spot;
+      else if (type == "directional")
+        light.kind = PunctualLight::Kind::directional;
+      else if (type != "point")
+        fail(who, fmt::format("type is '{}', not point, spot or directional", type));
       const auto color = source.value("color", std::vector<double>{1, 1, 1});
       if (color.size() != 3) fail(who, "color is not three numbers");
       light.intensity = source.value("intensity", 1.0) * Rgb(color[0], color[1], color[2]);
@@ -324,12 +335,15 @@ class Loader {
   }
 
   void sayWhatWasLeftOut() {
-    if (linesAndPoints_ > 0) log_.note(fmt::format("{} primitives of points or lines were skipped: they have no area", linesAndPoints_));
+    if (linesAndPoints_ > 0)
+      log_.note(fmt::format("{} primitives of points or lines were skipped: they have no area", linesAndPoints_));
     if (skins_ > 0) log_.note(fmt::format("{} skinned nodes are taken in their rest pose", skins_));
     if (morphs_ > 0) log_.note(fmt::format("{} primitives with morph targets are taken without them", morphs_));
-    if (alphaArea_ > 0) log_.note(fmt::format("surfaces with alpha ({:.4g} square units) are taken as opaque", alphaArea_));
+    if (alphaArea_ > 0)
+      log_.note(fmt::format("surfaces with alpha ({:.4g} square units) are taken as opaque", alphaArea_));
     if (roughMetalArea_ > 0) {
-      log_.note(fmt::format("metal of roughness above {} ({:.4g} square units) counts as diffuse", kMirrorRoughness, roughMetalArea_));
+      log_.note(fmt::format("metal of roughness above {} ({:.4g} square units) counts as diffuse", kMirrorRoughness,
+                            roughMetalArea_));
     }
     if (!scene_.lights.empty()) {
       log_.warn(fmt::format("{} punctual lights were read but give no light yet: only emissive surfaces do",

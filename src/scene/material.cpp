@@ -18,13 +18,15 @@ double decodeSrgb(uint8_t code) {
 
 int wrapTexel(int i, int n, Wrap wrap) {
   switch (wrap) {
-    case Wrap::clamp: return std::clamp(i, 0, n - 1);
+    case Wrap::clamp:
+      return std::clamp(i, 0, n - 1);
     case Wrap::mirror: {
       const int period = 2 * n;
       const int k = ((i % period) + period) % period;
       return k < n ? k : period - 1 - k;
     }
-    case Wrap::repeat: break;
+    case Wrap::repeat:
+      break;
   }
   return ((i % n) + n) % n;
 }

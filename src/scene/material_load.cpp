@@ -31,7 +31,8 @@ class MaterialReader {
     const json& extensions = object(o, "extensions");
     m.unlit = extensions.contains("KHR_materials_unlit");
     if (m.unlit) log_.note(fmt::format("{}: unlit, its base colour is taken as reflectance", who_));
-    const double strength = number(object(extensions, "KHR_materials_emissive_strength"), "emissiveStrength", 1, 0, 1e30);
+    const double strength =
+        number(object(extensions, "KHR_materials_emissive_strength"), "emissiveStrength", 1, 0, 1e30);
     // Emitted radiance L becomes exitance E = pi L here and nowhere else.
     m.emission = kPi * strength * color(o, "emissiveFactor", Rgb(0), 1, 3);
     m.emissionTexture = texture(o, "emissiveTexture");
@@ -88,7 +89,8 @@ class MaterialReader {
     const size_t count = document_.json.contains("textures") ? document_.json["textures"].size() : 0;
     const auto it = info.find("index");
     if (it == info.end() || !it->is_number_unsigned() || it->get<size_t>() >= count) {
-      fail(fmt::format("{}: index is {}, but the file has {} textures", key, it == info.end() ? "missing" : it->dump(), count));
+      fail(fmt::format("{}: index is {}, but the file has {} textures", key, it == info.end() ? "missing" : it->dump(),
+                       count));
     }
     use.texture = it->get<int>();
     use.set = static_cast<int>(number(info, "texCoord", 0, 0, 15));
@@ -145,7 +147,8 @@ class MaterialReader {
       if (!it->is_boolean()) fail("extras.farol.solid is not true or false");
       m.exactSolid = it->get<bool>();
     }
-    const Rgb sum = m.exactDiffuse.value_or(Rgb(0)) + m.exactSpecular.value_or(Rgb(0)) + m.exactTransmission.value_or(Rgb(0));
+    const Rgb sum =
+        m.exactDiffuse.value_or(Rgb(0)) + m.exactSpecular.value_or(Rgb(0)) + m.exactTransmission.value_or(Rgb(0));
     if (maxChannel(sum) > 1 + 1e-9) {
       fail(fmt::format("extras.farol: diffuse + specular + transmission is {}, above 1", maxChannel(sum)));
     }
@@ -163,8 +166,10 @@ std::vector<Material> loadMaterials(const Document& document, Log& log) {
   const json& list = document.json.contains("materials") ? document.json["materials"] : json::array();
   bool defaultsUsed = false;
   for (size_t i = 0; i < list.size(); ++i) {
-    const std::string name = list[i].contains("name") && list[i]["name"].is_string() ? list[i]["name"].get<std::string>() : "";
-    MaterialReader reader(document, name.empty() ? fmt::format("material {}", i) : fmt::format("material '{}'", name), log);
+    const std::string name =
+        list[i].contains("name") && list[i]["name"].is_string() ? list[i]["name"].get<std::string>() : "";
+    MaterialReader reader(document, name.empty() ? fmt::format("material {}", i) : fmt::format("material '{}'", name),
+                          log);
     try {
       materials.push_back(reader.read(list[i]));
     } catch (const json::exception& e) {
@@ -194,8 +199,8 @@ std::vector<Texture> loadTextures(const Document& document, const tinygltf::Mode
     t.name = image.name;
     t.width = image.width;
     t.height = image.height;
-    const size_t texels = image.width > 0 && image.height > 0
-                              ? static_cast<size_t>(image.width) * static_cast<size_t>(image.height) : 0;
+    const size_t texels =
+        image.width > 0 && image.height > 0 ? static_cast<size_t>(image.width) * static_cast<size_t>(image.height) : 0;
     const size_t bytes = image.bits == 16 ? 2 : 1;
     if (texels == 0 || image.component != 4 || image.image.size() < texels * 4 * bytes) {
       throw Error("{}: image {} '{}': cannot be read as a picture", document.path, source.source, image.uri);

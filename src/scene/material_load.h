@@ -6,7 +6,6 @@
 #include "scene/material.h"
 
 #include <tiny_gltf.h>
-
 #include <vector>
 
 namespace farol {

@@ -18,7 +18,7 @@ struct Surface {
   std::vector<Vec3> positions;  // [scene units]
   std::vector<Vec3> normals;    // shading normals, unit length; used for smooth display only
   std::array<std::vector<Vec2>, 2> texcoords;
-  std::vector<Rgb> colors;                          // linear
+  std::vector<Rgb> colors;                         // linear
   std::vector<std::array<uint32_t, 3>> triangles;  // counter-clockwise seen from the front
 };
 
@@ -36,9 +36,9 @@ struct PunctualLight {
   enum class Kind { point, spot, directional };
   std::string name;
   Kind kind = Kind::point;
-  Vec3 position{0}, direction{0, 0, -1};  // direction: unit vector along which light leaves
-  Rgb intensity{0};                       // candela, or lux for directional
-  double range = 0;                       // [scene units]; 0: unlimited
+  Vec3 position{0}, direction{0, 0, -1};      // direction: unit vector along which light leaves
+  Rgb intensity{0};                           // candela, or lux for directional
+  double range = 0;                           // [scene units]; 0: unlimited
   double innerCone = 0, outerCone = kPi / 4;  // half angles [rad]
 };
 

@@ -2,9 +2,8 @@
 
 #include "base/point_welder.h"
 
-#include <glm/vector_relational.hpp>
-
 #include <algorithm>
+#include <glm/vector_relational.hpp>
 
 namespace farol {
 namespace {
@@ -82,7 +81,8 @@ class Builder {
   Vec3 shadingNormal(const Facet& f, double u, double v) const {
     const Surface& s = scene_.surfaces[f.surface];
     if (s.normals.empty()) return f.normal;
-    const Vec3 &o = s.normals[f.vertices[0]], &a = s.normals[f.vertices[1]], &b = s.normals[f.vertices[f.parallelogram ? 3 : 2]];
+    const Vec3 &o = s.normals[f.vertices[0]], &a = s.normals[f.vertices[1]],
+               &b = s.normals[f.vertices[f.parallelogram ? 3 : 2]];
     const Vec3 n = o + u * (a - o) + v * (b - o);
     const double length = glm::length(n);
     return length > 0 && glm::dot(n, f.normal) > 0 ? n / length : f.normal;
@@ -92,15 +92,17 @@ class Builder {
     const uint32_t point = welder_.add(p);
     if (point == firstCluster_.size()) firstCluster_.push_back(kNone);
     for (uint32_t c = firstCluster_[point]; c != kNone; c = clusters_[c].next) {
-      if (glm::dot(clusters_[c].shading, shading) > kSmoothNormal && glm::dot(clusters_[c].geometric, geometric) > kSmoothFold) return c;
+      if (glm::dot(clusters_[c].shading, shading) > kSmoothNormal &&
+          glm::dot(clusters_[c].geometric, geometric) > kSmoothFold)
+        return c;
     }
     clusters_.push_back({shading, geometric, {}, firstCluster_[point]});
     firstCluster_[point] = static_cast<uint32_t>(clusters_.size() - 1);
     return firstCluster_[point];
   }
 
-  // Adds the cells of a facet that touch (u,v), those a hair away, each by the angle at which it touches: a cell with its
-  // corner there counts less than one with the middle of an edge.
+  // Adds the cells of a facet that touch (u,v), those a hair away, each by the angle at which it touches: a cell with
+  // its corner there counts less than one with the middle of an edge.
   void addCells(uint32_t facet, bool back, double u, double v, Sum& sum) const {
     const Facet& f = facets_.facets[facet];
     const CellGrid& g = patches_.grids[facet];
@@ -140,8 +142,10 @@ class Builder {
       inPlane_[planeOf_[i]].boxes.push_back(box);
     }
     for (Plane& plane : inPlane_) {
-      std::sort(plane.boxes.begin(), plane.boxes.end(), [](const Box& a, const Box& b) { return a.low.x + a.low.y + a.low.z < b.low.x + b.low.y + b.low.z; });
-      for (const Box& b : plane.boxes) plane.longest = std::max(plane.longest, b.high.x + b.high.y + b.high.z - b.low.x - b.low.y - b.low.z);
+      std::sort(plane.boxes.begin(), plane.boxes.end(),
+                [](const Box& a, const Box& b) { return a.low.x + a.low.y + a.low.z < b.low.x + b.low.y + b.low.z; });
+      for (const Box& b : plane.boxes)
+        plane.longest = std::max(plane.longest, b.high.x + b.high.y + b.high.z - b.low.x - b.low.y - b.low.z);
     }
   }
 
@@ -168,7 +172,8 @@ class Builder {
   Vec2 coordinatesOf(const Facet& f, const Vec3& p) const {
     const Vec3& o = facets_.points[f.corners[0]];
     const Vec3 a = facets_.points[f.corners[1]] - o, b = facets_.points[f.vCorner()] - o, d = p - o;
-    const double aa = glm::dot(a, a), ab = glm::dot(a, b), bb = glm::dot(b, b), da = glm::dot(d, a), db = glm::dot(d, b);
+    const double aa = glm::dot(a, a), ab = glm::dot(a, b), bb = glm::dot(b, b), da = glm::dot(d, a),
+                 db = glm::dot(d, b);
     const double det = aa * bb - ab * ab;
     return {(da * bb - db * ab) / det, (db * aa - da * ab) / det};
   }
@@ -196,8 +201,8 @@ class Builder {
 
 }  // namespace
 
-NodeIrradiance::NodeIrradiance(const Scene& scene, const FacetSet& facets, const PatchSet& patches, const FormFactorMatrix* f,
-                               const std::vector<Rgb>& irradiance)
+NodeIrradiance::NodeIrradiance(const Scene& scene, const FacetSet& facets, const PatchSet& patches,
+                               const FormFactorMatrix* f, const std::vector<Rgb>& irradiance)
     : facets_(facets), patches_(patches) {
   Builder(scene, facets, patches, f, irradiance).run(firstNode_, values_);
 }
@@ -206,17 +211,21 @@ Rgb NodeIrradiance::at(uint32_t facet, bool back, double u, double v) const {
   const bool parallelogram = facets_.facets[facet].parallelogram;
   const CellGrid& g = patches_.grids[facet];
   const uint32_t first = firstNode_[2 * facet + (back ? 1 : 0)];
-  const auto node = [&](uint32_t i, uint32_t j) -> const Rgb& { return values_[first + nodeNumber(g, parallelogram, i, j)]; };
+  const auto node = [&](uint32_t i, uint32_t j) -> const Rgb& {
+    return values_[first + nodeNumber(g, parallelogram, i, j)];
+  };
   const double x = std::clamp(u, 0.0, 1.0) * g.nu, y = std::clamp(v, 0.0, 1.0) * g.nv;
   const uint32_t j = std::min(static_cast<uint32_t>(y), g.nv - 1);
   if (parallelogram) {
     const uint32_t i = std::min(static_cast<uint32_t>(x), g.nu - 1);
     const double s = x - i, t = y - j;
-    return (1 - t) * ((1 - s) * node(i, j) + s * node(i + 1, j)) + t * ((1 - s) * node(i, j + 1) + s * node(i + 1, j + 1));
+    return (1 - t) * ((1 - s) * node(i, j) + s * node(i + 1, j)) +
+           t * ((1 - s) * node(i, j + 1) + s * node(i + 1, j + 1));
   }
   const uint32_t i = std::min(static_cast<uint32_t>(x), g.nu - 1 - j);
   const double s = x - i, t = y - j;
-  if (s + t <= 1 || i + j + 1 >= g.nu) return node(i, j) + s * (node(i + 1, j) - node(i, j)) + t * (node(i, j + 1) - node(i, j));
+  if (s + t <= 1 || i + j + 1 >= g.nu)
+    return node(i, j) + s * (node(i + 1, j) - node(i, j)) + t * (node(i, j + 1) - node(i, j));
   const Rgb& far = node(i + 1, j + 1);
   return far + (1 - s) * (node(i, j + 1) - far) + (1 - t) * (node(i + 1, j) - far);
 }

@@ -100,7 +100,9 @@ Channels reflectOnce(const System& s, const Channels& v) {
   return out;
 }
 
-double largest(const Channels& v) { return v.size() > 0 ? v.cwiseAbs().maxCoeff() : 0.0; }
+double largest(const Channels& v) {
+  return v.size() > 0 ? v.cwiseAbs().maxCoeff() : 0.0;
+}
 
 // One sweep in place; returns the largest change.
 double sweepGaussSeidel(const System& s, Channels& b) {
@@ -155,16 +157,22 @@ void requireSteadyState(const FormFactorMatrix& f, const PatchSet& patches, cons
       for (const size_t i : undrained) {
         const auto row = f[i];
         for (size_t j = 0; j < row.size() && !drained[i]; ++j) drained[i] = row[j] > 0 && drained[j];
-        if (drained[i]) changed = true;
-        else left.push_back(i);
+        if (drained[i])
+          changed = true;
+        else
+          left.push_back(i);
       }
       undrained = std::move(left);
     }
     for (const size_t i : undrained) {
       if (patches.patches[i].emission[c] > 0 || sky[c] * f.shares(i).missed > 0) {
-        throw Error("{}: surface '{}', {} channel: light is emitted into a closed space that absorbs none "
-                    "(reflectance 1 all around), so there is no steady state",
-                    scene.path, surfaceNameOf(scene, patches.patches[i]), c == 0 ? "red" : c == 1 ? "green" : "blue");
+        throw Error(
+            "{}: surface '{}', {} channel: light is emitted into a closed space that absorbs none "
+            "(reflectance 1 all around), so there is no steady state",
+            scene.path, surfaceNameOf(scene, patches.patches[i]),
+            c == 0   ? "red"
+            : c == 1 ? "green"
+                     : "blue");
       }
     }
   }
@@ -172,8 +180,8 @@ void requireSteadyState(const FormFactorMatrix& f, const PatchSet& patches, cons
 
 }  // namespace
 
-Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, const Scene& scene, const SolveOptions& options,
-                        const Log& log) {
+Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, const Scene& scene,
+                        const SolveOptions& options, const Log& log) {
   requireSteadyState(f, patches, scene, options.sky);
   System system(f, patches, options.sky);
   Channels& b = system.radiosity;
@@ -181,7 +189,8 @@ Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, cons
   Progress progress(log, "solve", "sweeps", 0);
 
   double bound = 0;  // no operator norm exceeds this
-  for (const size_t i : system.reflecting) bound = std::max(bound, maxChannel(patches.patches[i].reflectance) * system.rowSum(i));
+  for (const size_t i : system.reflecting)
+    bound = std::max(bound, maxChannel(patches.patches[i].reflectance) * system.rowSum(i));
 
   Channels r = residualOf(system, b);
   result.residual = largest(r);
@@ -189,13 +198,17 @@ Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, cons
   double patience = 1;  // the true residual is looked at when a sweep's change suggests that it is small enough
   result.converged = firstResidual == 0;
   while (!result.converged && result.sweeps < options.maxSweeps) {
-    const double change = options.kind == SolverKind::gaussSeidel ? sweepGaussSeidel(system, b) : sweepJacobi(system, b);
+    const double change =
+        options.kind == SolverKind::gaussSeidel ? sweepGaussSeidel(system, b) : sweepJacobi(system, b);
     progress.update(++result.sweeps);
     const double reference = referenceRadiosity(patches, b);
     const bool lastSweep = result.sweeps == options.maxSweeps;
     if (!std::isfinite(change) || change > 1e3 * firstResidual) {
-      throw Error("{}: the solution diverges: after {} sweeps a sweep changes radiosity by {:.3g}, the first residual was {:.3g}; "
-                  "reflectance times row sum reaches {:.6f}", scene.path, result.sweeps, change, firstResidual, bound);
+      throw Error(
+          "{}: the solution diverges: after {} sweeps a sweep changes radiosity by {:.3g}, the first residual was "
+          "{:.3g}; "
+          "reflectance times row sum reaches {:.6f}",
+          scene.path, result.sweeps, change, firstResidual, bound);
     }
     if (change > patience * options.residual * reference && !lastSweep) continue;
 
@@ -222,7 +235,8 @@ Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, cons
   return result;
 }
 
-EnergyBalance energyBalance(const FormFactorMatrix& f, const PatchSet& patches, const Solution& solution, const Rgb& sky) {
+EnergyBalance energyBalance(const FormFactorMatrix& f, const PatchSet& patches, const Solution& solution,
+                            const Rgb& sky) {
   EnergyBalance e;
   for (size_t i = 0; i < patches.size(); ++i) {
     const Patch& p = patches.patches[i];
@@ -236,7 +250,8 @@ EnergyBalance energyBalance(const FormFactorMatrix& f, const PatchSet& patches, 
   }
   for (int c = 0; c < 3; ++c) {
     const double in = e.emitted[c] + e.fromSky[c];
-    if (in > 0) e.relativeError = std::max(e.relativeError, std::abs(e.absorbed[c] + e.toOpen[c] + e.toBacks[c] - in) / in);
+    if (in > 0)
+      e.relativeError = std::max(e.relativeError, std::abs(e.absorbed[c] + e.toOpen[c] + e.toBacks[c] - in) / in);
   }
   return e;
 }

@@ -33,8 +33,8 @@ struct Solution {
 // B and the residual are in double. Throws Error when the scene has no steady state: a closed part that
 // receives light and absorbs none (naming a surface and channel), or a residual that grows. Not converging
 // within maxSweeps is an answer, not an error.
-Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, const Scene& scene, const SolveOptions& options,
-                        const Log& log);
+Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, const Scene& scene,
+                        const SolveOptions& options, const Log& log);
 
 // Power in and out of the scene, per channel [flux]; for a converged solution of a reciprocal F,
 // emitted + fromSky = absorbed + toOpen + toBacks.
@@ -42,7 +42,8 @@ struct EnergyBalance {
   Rgb emitted{0}, fromSky{0}, absorbed{0}, toOpen{0}, toBacks{0};
   double relativeError = 0;  // worst channel, relative to the power that comes in
 };
-EnergyBalance energyBalance(const FormFactorMatrix& f, const PatchSet& patches, const Solution& solution, const Rgb& sky);
+EnergyBalance energyBalance(const FormFactorMatrix& f, const PatchSet& patches, const Solution& solution,
+                            const Rgb& sky);
 
 // Direct light only, from the centre of each emitting patch as if it were a point, nothing in between and no
 // interreflection: the local illumination that radiosity is compared with (Figure 2.1 of the thesis).

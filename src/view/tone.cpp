@@ -8,7 +8,8 @@ namespace farol {
 double automaticScale(const Image& image) {
   double sum = 0, count = 0;
   for (size_t i = 0; i + 2 < image.rgb.size(); i += 3) {
-    const double y = 0.2126 * static_cast<double>(image.rgb[i]) + 0.7152 * static_cast<double>(image.rgb[i + 1]) + 0.0722 * static_cast<double>(image.rgb[i + 2]);
+    const double y = 0.2126 * static_cast<double>(image.rgb[i]) + 0.7152 * static_cast<double>(image.rgb[i + 1]) +
+                     0.0722 * static_cast<double>(image.rgb[i + 2]);
     if (!(y > 0)) continue;
     sum += std::log(y);
     count += 1;

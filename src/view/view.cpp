@@ -1,21 +1,20 @@
 #include "view/view.h"
 
 #include "formfactor/facet_mesh.h"
-#include "shared/interface.h"
 #include "shaders/view.frag.h"
 #include "shaders/view.vert.h"
-
-#include <glm/vec4.hpp>
-#include <tbb/parallel_for.h>
+#include "shared/interface.h"
 
 #include <array>
+#include <glm/vec4.hpp>
+#include <tbb/parallel_for.h>
 
 namespace farol {
 namespace {
 
-constexpr uint32_t kTile = 512;              // pixels along the edge of a tile: bounds the memory for samples
+constexpr uint32_t kTile = 512;             // pixels along the edge of a tile: bounds the memory for samples
 constexpr uint32_t kNothing = 0x7FFFFFFFu;  // clear value: no facet has this number
-constexpr double kNear = 1e-6;               // [unit coordinates]
+constexpr double kNear = 1e-6;              // [unit coordinates]
 
 using Row = glm::dvec4;
 
@@ -44,7 +43,9 @@ Projection4 projectionOf(const Camera& camera, double aspect, double sceneSize, 
   return p;
 }
 
-shader::vec4 rowOf(const Row& r) { return shader::toVec4(r, r.w); }
+shader::vec4 rowOf(const Row& r) {
+  return shader::toVec4(r, r.w);
+}
 
 class Shader {
  public:
@@ -64,7 +65,8 @@ class Shader {
 
   // One evaluation per facet and pixel is enough unless a texture varies within the pixel.
   bool textured(uint32_t seen) const {
-    return seen != kNothing && scene_.materials[scene_.surfaces[facets_.facets[seen & ~shader::kBackBit].surface].material].textured();
+    return seen != kNothing &&
+           scene_.materials[scene_.surfaces[facets_.facets[seen & ~shader::kBackBit].surface].material].textured();
   }
 
  private:
@@ -107,8 +109,8 @@ Rgb shadePixel(const Shader& shade, const uint32_t* seen, const float* uv, uint3
 
 }  // namespace
 
-Image renderView(const gpu::Device& device, const Scene& scene, const FacetSet& facets, const NodeIrradiance& irradiance,
-                 const Camera& camera, const ViewOptions& options, const Log& log) {
+Image renderView(const gpu::Device& device, const Scene& scene, const FacetSet& facets,
+                 const NodeIrradiance& irradiance, const Camera& camera, const ViewOptions& options, const Log& log) {
   const uint32_t n = std::min(options.samples, 8u);
   const uint32_t tile = std::min(kTile, device.limits().maxImageSize / n);
   const uint32_t tileWidth = std::min(tile, options.width), tileHeight = std::min(tile, options.height);
@@ -137,7 +139,8 @@ Image renderView(const gpu::Device& device, const Scene& scene, const FacetSet& 
   for (uint32_t y0 = 0; y0 < options.height; y0 += tileHeight) {
     for (uint32_t x0 = 0; x0 < options.width; x0 += tileWidth) {
       // The tile's part of the picture becomes the whole of the clip space.
-      const double scaleX = static_cast<double>(options.width) / tileWidth, scaleY = static_cast<double>(options.height) / tileHeight;
+      const double scaleX = static_cast<double>(options.width) / tileWidth,
+                   scaleY = static_cast<double>(options.height) / tileHeight;
       const double shiftX = scaleX - 1 - 2.0 * x0 / tileWidth, shiftY = scaleY - 1 - 2.0 * y0 / tileHeight;
       const shader::ViewPush push{shader::toVec4(origin), rowOf(scaleX * whole.x + shiftX * whole.w),
                                   rowOf(scaleY * whole.y + shiftY * whole.w), rowOf(whole.z), rowOf(whole.w)};
@@ -154,11 +157,13 @@ Image renderView(const gpu::Device& device, const Scene& scene, const FacetSet& 
       commands.copyColor(target, 1, 1, uv);
       commands.submit();
       commands.wait();
-      const uint32_t width = std::min(tileWidth, options.width - x0), height = std::min(tileHeight, options.height - y0);
+      const uint32_t width = std::min(tileWidth, options.width - x0),
+                     height = std::min(tileHeight, options.height - y0);
       tbb::parallel_for(uint32_t{0}, height, [&](uint32_t y) {
         for (uint32_t x = 0; x < width; ++x) {
           const size_t first = static_cast<size_t>(y) * n * sampleWidth + size_t{x} * n;
-          const Rgb value = shadePixel(shade, seen.as<const uint32_t>().data() + first, uv.as<const float>().data() + 2 * first, sampleWidth, n);
+          const Rgb value = shadePixel(shade, seen.as<const uint32_t>().data() + first,
+                                       uv.as<const float>().data() + 2 * first, sampleWidth, n);
           for (int c = 0; c < 3; ++c) image.pixel(x0 + x, y0 + y)[c] = static_cast<float>(value[c]);
         }
       });

@@ -16,7 +16,7 @@ struct ViewOptions {
 };
 
 // Linear radiance per pixel.
-Image renderView(const gpu::Device& device, const Scene& scene, const FacetSet& facets, const NodeIrradiance& irradiance,
-                 const Camera& camera, const ViewOptions& options, const Log& log);
+Image renderView(const gpu::Device& device, const Scene& scene, const FacetSet& facets,
+                 const NodeIrradiance& irradiance, const Camera& camera, const ViewOptions& options, const Log& log);
 
 }  // namespace farol

@@ -1,16 +1,17 @@
 // Raster form factors against the closed forms and converged values of form_factors.json (sources per case there).
 #include "raster_run.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
+#include <gtest/gtest.h>
 
 namespace farol::test {
 namespace {
 
 using nlohmann::json;
 
-Vec3 vec(const json& a) { return {a[0].get<double>(), a[1].get<double>(), a[2].get<double>()}; }
+Vec3 vec(const json& a) {
+  return {a[0].get<double>(), a[1].get<double>(), a[2].get<double>()};
+}
 
 // A differential element becomes a square so small that its size does not show (1e-3 of the distances).
 TestSurface element(const json& s) {
@@ -34,7 +35,8 @@ std::vector<TestSurface> surfacesOf(const json& testCase, int segments) {
         zones = {-1, std::cos(testCase["surfaces"][1]["half_angle_deg"].get<double>() * kPi / 180), 1};
         base = "zone";  // zone0 is the rest, zone1 the cap
       }
-      for (TestSurface& zone : sphereZones(base, s["radius"], s["facing"] == "in", zones, segments)) result.push_back(std::move(zone));
+      for (TestSurface& zone : sphereZones(base, s["radius"], s["facing"] == "in", zones, segments))
+        result.push_back(std::move(zone));
     } else if (kind == "polygon") {
       TestSurface surface{name, {{}}};
       for (const json& v : s["vertices"]) surface.polygons[0].push_back(vec(v));
@@ -67,10 +69,13 @@ class RasterFormFactors : public ::testing::TestWithParam<size_t> {
 TEST_P(RasterFormFactors, MatchClosedForm) {
   RasterOptions options;
   options.resolution = 128;
-  options.positions = hasElement() ? 64 : 9;  // an element is one patch: what other cases have in patches it gets in turns
+  options.positions =
+      hasElement() ? 64 : 9;  // an element is one patch: what other cases have in patches it gets in turns
   PatchOptions patches;
-  if (hasElement()) patches.size = 100;
-  else patches.count = 400;
+  if (hasElement())
+    patches.size = 100;
+  else
+    patches.count = 400;
   if (hasSphere()) options.positions = 4;  // many small facets need fewer positions each
   RasterRun run(loadSurfaces(surfacesOf(testCase(), hasSphere() ? 24 : 64)), patches, options);
   RasterRun coarse(loadSurfaces(surfacesOf(testCase(), 12)), patches, options);
@@ -94,21 +99,25 @@ TEST_P(RasterFormFactors, DoNotDependOnPlacement) {
   const json& e = testCase()["expected"][0];
   const std::string from = renamed(e["from"], testCase()["id"]), to = renamed(e["to"], testCase()["id"]);
   const double here = RasterRun(loadSurfaces(surfaces), patches, options).factor(from, to);
-  const auto there = [&](const Placement& placement) { return RasterRun(loadSurfaces(surfaces, placement), patches, options).factor(from, to); };
+  const auto there = [&](const Placement& placement) {
+    return RasterRun(loadSurfaces(surfaces, placement), patches, options).factor(from, to);
+  };
   const double size = 25;  // an upper bound of the cases' sizes
 
   // Inside, the scene is moved to its centre and scaled to size 1 in double precision: what is left of a shift or a
   // scale is rounding, which may move single pixels at edges (a pixel of R = 64 is 3e-4 of the hemisphere at most).
-  for (const double scale : {1e-6, 1e-3, 1e3, 1e6}) EXPECT_NEAR(there({{0, 0, 0, 1}, Vec3(0), scale}), here, 1e-5 + 1e-4 * here) << "scale " << scale;
+  for (const double scale : {1e-6, 1e-3, 1e3, 1e6})
+    EXPECT_NEAR(there({{0, 0, 0, 1}, Vec3(0), scale}), here, 1e-5 + 1e-4 * here) << "scale " << scale;
   EXPECT_NEAR(there({{0, 0, 0, 1}, Vec3(1000, -700, 500) * size, 1}), here, 1e-5 + 1e-4 * here) << "shift";
   // A rotation turns the pixel grids as well: equal within the sampling error of these settings.
   EXPECT_NEAR(there({generalRotation(), Vec3(0), 1}), here, 1e-4 + 0.01 * here) << "rotation";
 }
 
-INSTANTIATE_TEST_SUITE_P(Truth, RasterFormFactors, ::testing::Range<size_t>(0, cases().size()), [](const auto& parameter) {
-  const std::string id = cases()[parameter.param]["id"];
-  return id;
-});
+INSTANTIATE_TEST_SUITE_P(Truth, RasterFormFactors, ::testing::Range<size_t>(0, cases().size()),
+                         [](const auto& parameter) {
+                           const std::string id = cases()[parameter.param]["id"];
+                           return id;
+                         });
 
 // Faceted spheres approach the sphere with the square of the facet size.
 TEST(RasterFormFactorsOfSpheres, ErrorFallsWithFacetSizeSquared) {

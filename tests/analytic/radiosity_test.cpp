@@ -4,7 +4,6 @@
 #include "solve/solver.h"
 
 #include <gtest/gtest.h>
-
 #include <map>
 
 namespace farol::test {
@@ -40,7 +39,9 @@ TEST(WhiteFurnace, HasTheClosedFormForEveryMesh) {
       RasterRun run(loadSurfaces(closedBox({1, 2, 3}, rho, Rgb(1))), {count, 0}, {});
       const Solution s = solved(run, 1e-7);
       for (size_t i = 0; i < run.patches.size(); ++i) {
-        for (int c = 0; c < 3; ++c) ASSERT_NEAR(s.radiosity[i][c], 1 / (1 - rho[c]), 1e-5 / (1 - rho[c])) << "N = " << count << ", rho = " << rho[c];
+        for (int c = 0; c < 3; ++c)
+          ASSERT_NEAR(s.radiosity[i][c], 1 / (1 - rho[c]), 1e-5 / (1 - rho[c]))
+              << "N = " << count << ", rho = " << rho[c];
       }
       if (count > 1000 && rho.b > 0.9) break;  // the slowest once
     }
@@ -86,7 +87,8 @@ TEST(Cube, MatchesTheExactSixPatchSystem) {
 
 std::vector<TestSurface> cornellStyleBox() {  // truth B4b
   auto box = closedBox({1, 2, 3});
-  const Rgb rho[6] = {{0.7, 0.05, 0.05}, {0.1, 0.45, 0.1}, {0.75, 0.7, 0.65}, {0.75, 0.72, 0.7}, {0.4, 0.4, 0.45}, {0.8, 0.8, 0.8}};
+  const Rgb rho[6] = {{0.7, 0.05, 0.05}, {0.1, 0.45, 0.1}, {0.75, 0.7, 0.65},
+                      {0.75, 0.72, 0.7}, {0.4, 0.4, 0.45}, {0.8, 0.8, 0.8}};
   for (size_t i = 0; i < 6; ++i) box[i].reflectance = rho[i];
   box[5].emission = Rgb(18, 12, 4);
   return box;
@@ -112,8 +114,10 @@ TEST(Box, MatchesTheExactSixPatchSystem) {
 
 // Truth B5a: what meshing alone changes, level by level (m x m cells per face, exact factors).
 TEST(Cube, FollowsTheMeshLevels) {
-  const std::map<int, std::pair<double, double>> floorAndWall = {{1, {0.181745826108, 0.181836268946}}, {2, {0.173639114749, 0.181836268946}},
-                                                                 {4, {0.171829422310, 0.181381216327}}, {8, {0.171373223526, 0.181195523706}},
+  const std::map<int, std::pair<double, double>> floorAndWall = {{1, {0.181745826108, 0.181836268946}},
+                                                                 {2, {0.173639114749, 0.181836268946}},
+                                                                 {4, {0.171829422310, 0.181381216327}},
+                                                                 {8, {0.171373223526, 0.181195523706}},
                                                                  {16, {0.171255694053, 0.181133371241}}};
   for (const auto& [m, value] : floorAndWall) {
     auto box = closedBox({1, 1, 1});
@@ -186,7 +190,8 @@ TEST(Corridor, CarriesLightToItsFarEnd) {
   struct Values {
     double rho, segment0, segment5, segment10, farEnd;
   };
-  for (const Values& v : {Values{0.5, 0.1581809669, 0.0014740207, 0.0001695788, 0.0004763778175}, Values{0.99, 3.4687662976, 1.5761557127, 0.7676046737, 0.3621195529}}) {
+  for (const Values& v : {Values{0.5, 0.1581809669, 0.0014740207, 0.0001695788, 0.0004763778175},
+                          Values{0.99, 3.4687662976, 1.5761557127, 0.7676046737, 0.3621195529}}) {
     auto box = closedBox({1, 1, 20}, Rgb(v.rho));
     box[4].emission = Rgb(1);
     RasterOptions options;

@@ -36,15 +36,27 @@ void rowsPerSecond(benchmark::State& state, Projection projection) {
   for (size_t k = 0; k < kRows; ++k) wanted[k] = static_cast<uint32_t>(k * patches.size() / kRows);
   maker.makeRows(wanted, scratch, [](size_t) {});
   for (auto _ : state) maker.makeRows(wanted, scratch, [](size_t) {});
-  state.counters["rows/s"] = benchmark::Counter(static_cast<double>(kRows), benchmark::Counter::kIsIterationInvariantRate);
+  state.counters["rows/s"] =
+      benchmark::Counter(static_cast<double>(kRows), benchmark::Counter::kIsIterationInvariantRate);
   state.counters["patches"] = static_cast<double>(patches.size());
   state.SetLabel(device.info().name);
 }
 
 BENCHMARK_CAPTURE(rowsPerSecond, hemicube, Projection::hemicube)
-    ->ArgNames({"R", "N"})->Args({32, 4000})->Args({64, 1000})->Args({64, 4000})->Args({64, 16000})->Args({128, 4000})->Args({256, 4000})
-    ->UseRealTime()->Unit(benchmark::kMillisecond);
+    ->ArgNames({"R", "N"})
+    ->Args({32, 4000})
+    ->Args({64, 1000})
+    ->Args({64, 4000})
+    ->Args({64, 16000})
+    ->Args({128, 4000})
+    ->Args({256, 4000})
+    ->UseRealTime()
+    ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(rowsPerSecond, tetrahedron, Projection::tetrahedron)
-    ->ArgNames({"R", "N"})->Args({64, 4000})->Args({128, 4000})->UseRealTime()->Unit(benchmark::kMillisecond);
+    ->ArgNames({"R", "N"})
+    ->Args({64, 4000})
+    ->Args({128, 4000})
+    ->UseRealTime()
+    ->Unit(benchmark::kMillisecond);
 
 }  // namespace

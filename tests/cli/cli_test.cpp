@@ -2,9 +2,8 @@
 #include "program.h"
 #include "test_scene.h"
 
-#include <gmock/gmock.h>
-
 #include <cmath>
+#include <gmock/gmock.h>
 #include <sstream>
 
 namespace farol::test {
@@ -32,10 +31,12 @@ TEST(Program, ShowsHelpAndVersion) {
   EXPECT_THAT(farol("--version").out, HasSubstr("farol "));
   const Outcome help = farol("--help");
   EXPECT_EQ(help.exitCode, 0);
-  for (const char* command : {"render", "solve", "factors", "info", "devices", "Exit codes"}) EXPECT_THAT(help.out, HasSubstr(command));
+  for (const char* command : {"render", "solve", "factors", "info", "devices", "Exit codes"})
+    EXPECT_THAT(help.out, HasSubstr(command));
   const Outcome render = farol("render --help");
   EXPECT_EQ(render.exitCode, 0);
-  for (const char* text : {"--patches", "4000", "--resolution", "64", "--positions", "--exposure", "1280x720"}) EXPECT_THAT(render.out, HasSubstr(text));
+  for (const char* text : {"--patches", "4000", "--resolution", "64", "--positions", "--exposure", "1280x720"})
+    EXPECT_THAT(render.out, HasSubstr(text));
 }
 
 TEST(Program, ListsDevices) {
@@ -47,7 +48,9 @@ TEST(Program, ListsDevices) {
 
 TEST(Render, DrawsAPictureWithAReport) {
   const TemporaryFolder folder;
-  const Outcome o = farol("render " + kCornell + " -o " + folder.path("p.png") + " --size 64x48 --patches 400 --report " + folder.path("r.json") + " --patches-csv " + folder.path("p.csv"));
+  const Outcome o =
+      farol("render " + kCornell + " -o " + folder.path("p.png") + " --size 64x48 --patches 400 --report " +
+            folder.path("r.json") + " --patches-csv " + folder.path("p.csv"));
   ASSERT_EQ(o.exitCode, 0) << o.err;
   EXPECT_THAT(o.out, HasSubstr("converged"));
   const std::string png = readText(folder.path("p.png"));
@@ -77,7 +80,10 @@ TEST(Render, WritesLinearRadianceAsExr) {
 // The report's equivalent command repeats the run byte for byte, on any number of threads.
 TEST(Render, RepeatsBytesFromTheEquivalentCommand) {
   const TemporaryFolder folder;
-  ASSERT_EQ(farol("render " + kCornell + " -o " + folder.path("a.png") + " --size 80x80 --patches 300 --report " + folder.path("r.json")).exitCode, 0);
+  ASSERT_EQ(farol("render " + kCornell + " -o " + folder.path("a.png") + " --size 80x80 --patches 300 --report " +
+                  folder.path("r.json"))
+                .exitCode,
+            0);
   const std::string first = readText(folder.path("a.png"));
   std::string command = json::parse(readText(folder.path("r.json")))["equivalent_command"];
   ASSERT_TRUE(command.starts_with("farol "));
@@ -89,7 +95,8 @@ TEST(Render, RepeatsBytesFromTheEquivalentCommand) {
 // The local picture of the thesis's Figure 2.1: no interreflection, so red light reaches no white wall.
 TEST(Render, DrawsLocalIllumination) {
   const TemporaryFolder folder;
-  const Outcome o = farol("render " + kCornell + " -o " + folder.path("p.png") + " --size 40x40 --patches 300 --illumination local --patches-csv " + folder.path("p.csv"));
+  const Outcome o = farol("render " + kCornell + " -o " + folder.path("p.png") +
+                          " --size 40x40 --patches 300 --illumination local --patches-csv " + folder.path("p.csv"));
   ASSERT_EQ(o.exitCode, 0) << o.err;
   EXPECT_THAT(o.out, HasSubstr("local illumination"));
   const auto rows = readCsv(folder.path("p.csv"));
@@ -101,7 +108,8 @@ TEST(Render, DrawsLocalIllumination) {
 
 TEST(Solve, KnowsTheWhiteFurnace) {
   const TemporaryFolder folder;
-  const Outcome o = farol("solve " + kFurnace + " -o " + folder.path("lit.glb") + " --patches 300 --residual 1e-9 --patches-csv " + folder.path("p.csv"));
+  const Outcome o = farol("solve " + kFurnace + " -o " + folder.path("lit.glb") +
+                          " --patches 300 --residual 1e-9 --patches-csv " + folder.path("p.csv"));
   ASSERT_EQ(o.exitCode, 0) << o.err;
   const double expected[3] = {1 / (1 - 0.5), 1 / (1 - 0.8), 1 / (1 - 0.9)};
   const auto rows = readCsv(folder.path("p.csv"));
@@ -114,7 +122,10 @@ TEST(Solve, KnowsTheWhiteFurnace) {
 TEST(Solve, AgreesBetweenJacobiAndGaussSeidel) {
   const TemporaryFolder folder;
   for (const std::string solver : {"jacobi", "gauss-seidel"}) {
-    ASSERT_EQ(farol("solve " + kCornell + " --patches 300 --residual 1e-8 --solver " + solver + " --patches-csv " + folder.path(solver)).exitCode, 0);
+    ASSERT_EQ(farol("solve " + kCornell + " --patches 300 --residual 1e-8 --solver " + solver + " --patches-csv " +
+                    folder.path(solver))
+                  .exitCode,
+              0);
   }
   const auto a = readCsv(folder.path("jacobi")), b = readCsv(folder.path("gauss-seidel"));
   ASSERT_EQ(a.size(), b.size());
@@ -124,8 +135,10 @@ TEST(Solve, AgreesBetweenJacobiAndGaussSeidel) {
 // One floor under a uniform sky that fills its hemisphere: H = sky.
 TEST(Solve, LightsAnOpenFloorFromTheSky) {
   const TemporaryFolder folder;
-  writeText(folder.path("floor.gltf"), gltfOf({{"floor", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}, Rgb(0.25)}}).dump());
-  const Outcome o = farol("solve " + folder.path("floor.gltf") + " --patches 16 --sky 3,2,1 --patches-csv " + folder.path("p.csv"));
+  writeText(folder.path("floor.gltf"),
+            gltfOf({{"floor", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}, Rgb(0.25)}}).dump());
+  const Outcome o =
+      farol("solve " + folder.path("floor.gltf") + " --patches 16 --sky 3,2,1 --patches-csv " + folder.path("p.csv"));
   ASSERT_EQ(o.exitCode, 0) << o.err;
   const auto rows = readCsv(folder.path("p.csv"));
   EXPECT_NEAR(std::stod(rows[1][18]), 3, 1e-12);
@@ -135,11 +148,13 @@ TEST(Solve, LightsAnOpenFloorFromTheSky) {
 TEST(Factors, WritesATableBySurface) {
   const TemporaryFolder folder;
   writeText(folder.path("box.gltf"), gltfOf(closedBox({1, 2, 3})).dump());
-  const Outcome o = farol("factors " + folder.path("box.gltf") + " -o " + folder.path("f.csv") + " --patches 300 --positions 4");
+  const Outcome o =
+      farol("factors " + folder.path("box.gltf") + " -o " + folder.path("f.csv") + " --patches 300 --positions 4");
   ASSERT_EQ(o.exitCode, 0) << o.err;
   const auto rows = readCsv(folder.path("f.csv"));
   ASSERT_EQ(rows.size(), 7u);
-  EXPECT_EQ(rows[0], (std::vector<std::string>{"surface", "area", "x0", "x1", "y0", "y1", "z0", "z1", "(open)", "(cut)"}));
+  EXPECT_EQ(rows[0],
+            (std::vector<std::string>{"surface", "area", "x0", "x1", "y0", "y1", "z0", "z1", "(open)", "(cut)"}));
   for (size_t i = 1; i < 7; ++i) {
     double sum = 0;
     for (size_t j = 2; j < rows[i].size(); ++j) sum += std::stod(rows[i][j]);

@@ -2,9 +2,8 @@
 #include "program.h"
 #include "test_scene.h"
 
-#include <gmock/gmock.h>
-
 #include <cstring>
+#include <gmock/gmock.h>
 
 namespace farol::test {
 namespace {
@@ -14,16 +13,20 @@ using ::testing::HasSubstr;
 
 const std::string kCornell = FAROL_SCENES "/cornell_box/cornell_box.gltf";
 
-json square() { return gltfOf({{"square", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}}}); }
+json square() {
+  return gltfOf({{"square", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}}});
+}
 
 class BadInput : public ::testing::Test {
  protected:
   // Renders into the folder and expects a failure with this exit code and sentence, and nothing written.
-  void expectRefusal(const std::string& scene, int exitCode, const std::string& sentence, const std::string& options = "",
-                     const std::string& environment = "") {
+  void expectRefusal(const std::string& scene, int exitCode, const std::string& sentence,
+                     const std::string& options = "", const std::string& environment = "") {
     const std::vector<std::string> before = folder_.files();
-    const Outcome o = farol("render " + scene + " -o " + folder_.path("picture.png") + " --size 16x16 --patches 50 --patches-csv " +
-                            folder_.path("p.csv") + " --report " + folder_.path("r.json") + " " + options, environment);
+    const Outcome o =
+        farol("render " + scene + " -o " + folder_.path("picture.png") + " --size 16x16 --patches 50 --patches-csv " +
+                  folder_.path("p.csv") + " --report " + folder_.path("r.json") + " " + options,
+              environment);
     EXPECT_EQ(o.exitCode, exitCode) << o.err;
     EXPECT_THAT(o.err, HasSubstr(sentence));
     EXPECT_THAT(o.err, HasSubstr("error: "));
@@ -39,9 +42,15 @@ class BadInput : public ::testing::Test {
   TemporaryFolder folder_;
 };
 
-TEST_F(BadInput, MissingFile) { expectRefusal("/no/such/scene.gltf", 1, "/no/such/scene.gltf: there is no such file"); }
-TEST_F(BadInput, NotGltf) { expectRefusal(file("note.gltf", "dear diary"), 1, "is not glTF"); }
-TEST_F(BadInput, JsonButNotGltf) { expectRefusal(file("j.gltf", "{\"a\": 1}"), 1, "not glTF"); }
+TEST_F(BadInput, MissingFile) {
+  expectRefusal("/no/such/scene.gltf", 1, "/no/such/scene.gltf: there is no such file");
+}
+TEST_F(BadInput, NotGltf) {
+  expectRefusal(file("note.gltf", "dear diary"), 1, "is not glTF");
+}
+TEST_F(BadInput, JsonButNotGltf) {
+  expectRefusal(file("j.gltf", "{\"a\": 1}"), 1, "not glTF");
+}
 TEST_F(BadInput, TruncatedGlb) {
   const std::string good = readText(FAROL_SCENES "/reading_corner/reading_corner.glb");
   expectRefusal(file("cut.glb", good.substr(0, 5000)), 1, "truncated GLB");
@@ -98,7 +107,9 @@ TEST_F(BadInput, AbsolutePathInTheScene) {
 TEST_F(BadInput, ClosedSceneWithoutAbsorber) {
   expectRefusal(file(gltfOf(closedBox({1, 1, 1}, Rgb(1), Rgb(1)))), 1, "no steady state");
 }
-TEST_F(BadInput, UnknownOption) { expectRefusal(kCornell, 2, "unknown argument --resolutoin; did you mean --resolution?", "--resolutoin 64"); }
+TEST_F(BadInput, UnknownOption) {
+  expectRefusal(kCornell, 2, "unknown argument --resolutoin; did you mean --resolution?", "--resolutoin 64");
+}
 TEST_F(BadInput, OutOfRangeNumbers) {
   expectRefusal(kCornell, 2, "--resolution", "--resolution 2000");
   expectRefusal(kCornell, 2, "65 is not even", "--resolution 65");
@@ -109,7 +120,9 @@ TEST_F(BadInput, OutOfRangeNumbers) {
   expectRefusal(kCornell, 2, "--sky", "--sky 1,2");
   expectRefusal(kCornell, 2, "--sky", "--sky 1,-2,3");
 }
-TEST_F(BadInput, OutOfRangeNumbersComeBeforeMissingFiles) { expectRefusal("/no/such/file.gltf", 2, "--resolution", "--resolution 4"); }
+TEST_F(BadInput, OutOfRangeNumbersComeBeforeMissingFiles) {
+  expectRefusal("/no/such/file.gltf", 2, "--resolution", "--resolution 4");
+}
 TEST_F(BadInput, ZeroSizeImage) {
   const Outcome o = farol("render " + kCornell + " -o " + folder_.path("p.png") + " --size 0x480");
   EXPECT_EQ(o.exitCode, 2);
@@ -127,11 +140,18 @@ TEST_F(BadInput, UnknownCommand) {
   EXPECT_THAT(o.err, HasSubstr("did you mean render?"));
 }
 TEST_F(BadInput, NoVulkanDriver) {
-  expectRefusal(kCornell, 1, "no Vulkan driver was found", "", "FAROL_VALIDATION=0 VK_ICD_FILENAMES=/nonexistent.json VK_DRIVER_FILES=/nonexistent.json");
+  expectRefusal(kCornell, 1, "no Vulkan driver was found", "",
+                "FAROL_VALIDATION=0 VK_ICD_FILENAMES=/nonexistent.json VK_DRIVER_FILES=/nonexistent.json");
 }
-TEST_F(BadInput, NoDeviceOfThatName) { expectRefusal(kCornell, 1, "no usable Vulkan device 'voodoo'", "--device voodoo"); }
-TEST_F(BadInput, UnknownCamera) { expectRefusal(kCornell, 1, "there is no camera 'rear'; the scene has camera", "--camera rear"); }
-TEST_F(BadInput, TooLittleMemory) { expectRefusal(kCornell, 1, "allow more with --memory", "--memory 1K"); }
+TEST_F(BadInput, NoDeviceOfThatName) {
+  expectRefusal(kCornell, 1, "no usable Vulkan device 'voodoo'", "--device voodoo");
+}
+TEST_F(BadInput, UnknownCamera) {
+  expectRefusal(kCornell, 1, "there is no camera 'rear'; the scene has camera", "--camera rear");
+}
+TEST_F(BadInput, TooLittleMemory) {
+  expectRefusal(kCornell, 1, "allow more with --memory", "--memory 1K");
+}
 TEST_F(BadInput, UnwritableOutput) {
   const Outcome missing = farol("render " + kCornell + " -o /no/such/folder/p.png --patches 50");
   EXPECT_EQ(missing.exitCode, 1);
@@ -169,7 +189,9 @@ TEST_F(BadInput, NoConvergenceIsExitCodeThree) {
 TEST_F(BadInput, InterruptionCleansUp) {
   for (const auto& [signal, code] : {std::pair("INT", 130), std::pair("TERM", 143)}) {
     // The stopwatch starts after the program does; form factors of this size take many seconds.
-    const Outcome o = farol("factors " + kCornell + " --patches 8000 --resolution 512 -o " + folder_.path("f.npy") + " & pid=$!; sleep 1.5; kill -" + signal + " $pid; wait $pid", "");
+    const Outcome o = farol("factors " + kCornell + " --patches 8000 --resolution 512 -o " + folder_.path("f.npy") +
+                                " & pid=$!; sleep 1.5; kill -" + signal + " $pid; wait $pid",
+                            "");
     EXPECT_EQ(o.exitCode, code) << o.err;
     EXPECT_TRUE(folder_.files().empty());
   }

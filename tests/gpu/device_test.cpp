@@ -25,7 +25,9 @@ TEST(DeviceChoice, FindsADeviceByPartOfItsNameAndByIndex) {
 }
 
 TEST(DeviceChoice, GivesAReasonPerDeviceWhenNoneFits) {
-  EXPECT_THAT([] { gpu::Device("no such device"); }, ThrowsMessage<Error>(::testing::AllOf(HasSubstr("no usable Vulkan device 'no such device'"), HasSubstr(device().info().name))));
+  EXPECT_THAT([] { gpu::Device("no such device"); },
+              ThrowsMessage<Error>(::testing::AllOf(HasSubstr("no usable Vulkan device 'no such device'"),
+                                                    HasSubstr(device().info().name))));
 }
 
 }  // namespace

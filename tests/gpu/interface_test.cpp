@@ -1,10 +1,10 @@
-#include "raster_run.h"
-#include "shaders/interface_echo.comp.h"
 #include "shared/interface.h"
 
-#include <gtest/gtest.h>
+#include "raster_run.h"
+#include "shaders/interface_echo.comp.h"
 
 #include <cstring>
+#include <gtest/gtest.h>
 
 namespace farol::test {
 namespace {
@@ -17,11 +17,13 @@ TEST(SharedStructs, AreTheSameBytesInBothLanguages) {
     std::vector<shader::HemicubeFrame> frames(count);
     const auto fill = [](auto& v) {
       auto* bytes = reinterpret_cast<uint32_t*>(v.data());
-      for (size_t k = 0; k < v.size() * sizeof(v[0]) / 4; ++k) bytes[k] = 0x3F000000u + static_cast<uint32_t>(k);  // also fine floats
+      for (size_t k = 0; k < v.size() * sizeof(v[0]) / 4; ++k)
+        bytes[k] = 0x3F000000u + static_cast<uint32_t>(k);  // also fine floats
     };
     fill(facets);
     fill(frames);
-    const gpu::Buffer facetsIn = gpu::upload(device(), "facets in", facets), framesIn = gpu::upload(device(), "frames in", frames);
+    const gpu::Buffer facetsIn = gpu::upload(device(), "facets in", facets),
+                      framesIn = gpu::upload(device(), "frames in", frames);
     const gpu::Buffer facetsOut(device(), "facets out", facets.size() * sizeof(facets[0]), gpu::Memory::device);
     const gpu::Buffer framesOut(device(), "frames out", frames.size() * sizeof(frames[0]), gpu::Memory::device);
     const gpu::Buffer facetsBack(device(), "facets back", facetsOut.bytes(), gpu::Memory::download);

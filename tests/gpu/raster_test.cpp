@@ -1,9 +1,8 @@
 #include "base/error.h"
 #include "raster_run.h"
 
-#include <gtest/gtest.h>
-
 #include <cstring>
+#include <gtest/gtest.h>
 
 namespace farol::test {
 namespace {
@@ -15,7 +14,8 @@ std::vector<TestSurface> room() {
   const Vec3 base[4] = {{0.5, 0.7, 0}, {1.2, 0.9, 0}, {1.1, 1.6, 0}, {0.4, 1.5, 0}};
   const Vec3 up(0, 0, 0.8);
   block.polygons.push_back({base[0] + up, base[1] + up, base[2] + up, base[3] + up});
-  for (int k = 0; k < 4; ++k) block.polygons.push_back({base[k], base[(k + 1) % 4], base[(k + 1) % 4] + up, base[k] + up});
+  for (int k = 0; k < 4; ++k)
+    block.polygons.push_back({base[k], base[(k + 1) % 4], base[(k + 1) % 4] + up, base[k] + up});
   surfaces.push_back(block);
   return surfaces;
 }
@@ -90,7 +90,8 @@ TEST(RasterRows, ChangeWithTheSeedAndKeepTheirMean) {
 // Several cells may share a patch: the row of factors is the sum over the cells' own.
 TEST(RasterRows, FollowACellMapThatJoinsCells) {
   RasterOptions options;
-  RasterRun single(loadSurfaces(closedBox({1, 1, 1})), {96, 0}, options), joined(loadSurfaces(closedBox({1, 1, 1})), {96, 0}, options);
+  RasterRun single(loadSurfaces(closedBox({1, 1, 1})), {96, 0}, options),
+      joined(loadSurfaces(closedBox({1, 1, 1})), {96, 0}, options);
   ASSERT_EQ(single.patches.size(), 96u);
   std::vector<uint32_t> map(96);
   for (uint32_t c = 0; c < 96; ++c) map[c] = c / 2;
@@ -99,14 +100,16 @@ TEST(RasterRows, FollowACellMapThatJoinsCells) {
   ASSERT_EQ(joined.patches.size(), 48u);
 
   // The same eye looks: rows of a scene whose columns alone are joined.
-  RasterRowMaker(device(), single.facets, single.patches, options).makeRows(std::vector<uint32_t>{4}, single.f, [](size_t) {});
+  RasterRowMaker(device(), single.facets, single.patches, options)
+      .makeRows(std::vector<uint32_t>{4}, single.f, [](size_t) {});
   joined.makeAll();
 
   double area = 0;
   for (const Patch& p : joined.patches.patches) area += p.area;
   EXPECT_NEAR(area, 6.0, 1e-12);
   for (uint32_t i = 0; i < joined.patches.size(); ++i) EXPECT_NEAR(joined.f.rowSum(i), 1.0, 1e-7);
-  // Cells 4 and 5 are patch 2, and its eye stands on the centre of cell 4. Only the turn differs: 1 % of sampling error.
+  // Cells 4 and 5 are patch 2, and its eye stands on the centre of cell 4. Only the turn differs: 1 % of sampling
+  // error.
   double worst = 0;
   for (uint32_t wall = 1; wall < 6; ++wall) {
     double fine = 0, coarse = 0;
@@ -120,7 +123,8 @@ TEST(RasterRows, FollowACellMapThatJoinsCells) {
 // One-sided faces are black from behind, but opaque (truth case A15a with the blocker facing away).
 TEST(RasterRows, CountBackSidesAsBlackNotAsOpen) {
   const TestSurface floor{"floor", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}};
-  const TestSurface blockerFacingUp{"blocker", {{{0.25, 0.25, 0.5}, {0.75, 0.25, 0.5}, {0.75, 0.75, 0.5}, {0.25, 0.75, 0.5}}}};
+  const TestSurface blockerFacingUp{"blocker",
+                                    {{{0.25, 0.25, 0.5}, {0.75, 0.25, 0.5}, {0.75, 0.75, 0.5}, {0.25, 0.75, 0.5}}}};
   RasterOptions options;
   options.positions = 9;
   options.resolution = 128;
@@ -140,11 +144,13 @@ TEST(RasterRows, SeeTheFrontOfBackToBackFaces) {
   std::vector<Vec3> turned = {{1, 0, 0}, {0, 0, 0}, {0, 1, 0}, {1, 1, 0}};
   TestSurface up{"up", {{square[0], square[1], square[2]}, {square[0], square[2], square[3]}}};
   TestSurface down{"down", {{square[0], square[2], square[1]}, {square[0], square[3], square[2]}}};
-  const TestSurface above{"above", {{{0, 0, 1}, {0, 1, 1}, {1, 1, 1}, {1, 0, 1}}}}, below{"below", {{{0, 0, -1}, {1, 0, -1}, {1, 1, -1}, {0, 1, -1}}}};
+  const TestSurface above{"above", {{{0, 0, 1}, {0, 1, 1}, {1, 1, 1}, {1, 0, 1}}}},
+      below{"below", {{{0, 0, -1}, {1, 0, -1}, {1, 1, -1}, {0, 1, -1}}}};
   for (const bool upFirst : {true, false}) {
     RasterOptions options;
     options.positions = 4;
-    RasterRun run(loadSurfaces(upFirst ? std::vector{up, down, above, below} : std::vector{down, up, above, below}), {80, 0}, options);
+    RasterRun run(loadSurfaces(upFirst ? std::vector{up, down, above, below} : std::vector{down, up, above, below}),
+                  {80, 0}, options);
     EXPECT_TRUE(run.facets.hasTwins);
     EXPECT_NEAR(run.factor("above", "up"), 0.1998, 0.004);
     EXPECT_NEAR(run.factor("below", "down"), 0.1998, 0.004);
@@ -156,7 +162,8 @@ TEST(RasterRows, SeeTheFrontOfBackToBackFaces) {
 TEST(RasterRows, LeaveOutBackSidesThatNoLightReaches) {
   auto surfaces = closedBox({1, 1, 1});
   for (TestSurface& s : surfaces) s.twoSided = true;
-  surfaces.push_back({"sail", {{{0.3, 0.3, 0.5}, {0.7, 0.3, 0.5}, {0.7, 0.7, 0.5}, {0.3, 0.7, 0.5}}}, Rgb(0.5), Rgb(1), true});
+  surfaces.push_back(
+      {"sail", {{{0.3, 0.3, 0.5}, {0.7, 0.3, 0.5}, {0.7, 0.7, 0.5}, {0.3, 0.7, 0.5}}}, Rgb(0.5), Rgb(1), true});
   const RasterRun run = made(surfaces, {}, 200);
   size_t fronts = 0, backs = 0;
   for (const uint32_t i : run.patchesOf("sail")) ++(run.patches.patches[i].back ? backs : fronts);

@@ -1,7 +1,6 @@
 #include "raster_run.h"
 
 #include <gtest/gtest.h>
-
 #include <optional>
 
 namespace farol::test {
@@ -36,7 +35,11 @@ const gpu::Device& device() {
 }
 
 RasterRun::RasterRun(Scene s, const PatchOptions& patchOptions, const RasterOptions& rasterOptions)
-    : scene(std::move(s)), facets(quietFacets(scene)), patches(buildPatches(scene, facets, patchOptions)), f(patches.size()), options(rasterOptions) {}
+    : scene(std::move(s)),
+      facets(quietFacets(scene)),
+      patches(buildPatches(scene, facets, patchOptions)),
+      f(patches.size()),
+      options(rasterOptions) {}
 
 std::vector<uint32_t> RasterRun::patchesOf(const std::string& surface) const {
   std::vector<uint32_t> found;

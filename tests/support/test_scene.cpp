@@ -1,12 +1,11 @@
 #include "test_scene.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <atomic>
 #include <cstring>
 #include <fstream>
 #include <iterator>
+#include <unistd.h>
 
 namespace farol::test {
 namespace {
@@ -18,7 +17,8 @@ std::string base64(const std::string& bytes) {
   std::string out;
   for (size_t i = 0; i < bytes.size(); i += 3) {
     uint32_t block = 0;
-    for (size_t k = 0; k < 3; ++k) block = block << 8 | (i + k < bytes.size() ? static_cast<unsigned char>(bytes[i + k]) : 0u);
+    for (size_t k = 0; k < 3; ++k)
+      block = block << 8 | (i + k < bytes.size() ? static_cast<unsigned char>(bytes[i + k]) : 0u);
     for (size_t k = 0; k < 4; ++k) out += i + k <= bytes.size() ? digits[block >> (18 - 6 * k) & 63] : '=';
   }
   return out;
@@ -48,29 +48,42 @@ json gltfOf(const std::vector<TestSurface>& surfaces, const Placement& placement
       for (const Vec3& p : polygon) {
         for (int c = 0; c < 3; ++c) positions.push_back(static_cast<float>(p[c]));
       }
-      for (uint32_t k = 1; k + 1 < polygon.size(); ++k) indices.insert(indices.end(), {first, first + k, first + k + 1});
+      for (uint32_t k = 1; k + 1 < polygon.size(); ++k)
+        indices.insert(indices.end(), {first, first + k, first + k + 1});
     }
     const size_t number = doc["meshes"].size();
     const size_t positionView = addView(positions.data(), positions.size() * sizeof(float));
     const size_t indexView = addView(indices.data(), indices.size() * sizeof(uint32_t));
-    doc["accessors"].push_back({{"bufferView", positionView}, {"componentType", 5126}, {"type", "VEC3"}, {"count", positions.size() / 3}});
-    doc["accessors"].push_back({{"bufferView", indexView}, {"componentType", 5125}, {"type", "SCALAR"}, {"count", indices.size()}});
-    doc["materials"].push_back({{"name", "paint of " + s.name}, {"doubleSided", s.twoSided},
-                                {"extras", {{"farol", {{"diffuse", {s.reflectance.r, s.reflectance.g, s.reflectance.b}},
-                                                       {"emission", {s.emission.r, s.emission.g, s.emission.b}}}}}}});
-    doc["meshes"].push_back({{"primitives", json::array({{{"attributes", {{"POSITION", 2 * number}}}, {"indices", 2 * number + 1}, {"material", number}}})}});
-    doc["nodes"].push_back({{"name", s.name}, {"mesh", number}, {"rotation", placement.rotation},
-                            {"translation", {placement.translation.x, placement.translation.y, placement.translation.z}},
-                            {"scale", {placement.scale, placement.scale, placement.scale}}});
+    doc["accessors"].push_back(
+        {{"bufferView", positionView}, {"componentType", 5126}, {"type", "VEC3"}, {"count", positions.size() / 3}});
+    doc["accessors"].push_back(
+        {{"bufferView", indexView}, {"componentType", 5125}, {"type", "SCALAR"}, {"count", indices.size()}});
+    doc["materials"].push_back({{"name", "paint of " + s.name},
+                                {"doubleSided", s.twoSided},
+                                {"extras",
+                                 {{"farol",
+                                   {{"diffuse", {s.reflectance.r, s.reflectance.g, s.reflectance.b}},
+                                    {"emission", {s.emission.r, s.emission.g, s.emission.b}}}}}}});
+    doc["meshes"].push_back({{"primitives", json::array({{{"attributes", {{"POSITION", 2 * number}}},
+                                                          {"indices", 2 * number + 1},
+                                                          {"material", number}}})}});
+    doc["nodes"].push_back(
+        {{"name", s.name},
+         {"mesh", number},
+         {"rotation", placement.rotation},
+         {"translation", {placement.translation.x, placement.translation.y, placement.translation.z}},
+         {"scale", {placement.scale, placement.scale, placement.scale}}});
     doc["scenes"][0]["nodes"].push_back(number);
   }
-  doc["buffers"] = json::array({{{"byteLength", binary.size()}, {"uri", "data:application/octet-stream;base64," + base64(binary)}}});
+  doc["buffers"] =
+      json::array({{{"byteLength", binary.size()}, {"uri", "data:application/octet-stream;base64," + base64(binary)}}});
   return doc;
 }
 
 TemporaryFolder::TemporaryFolder() {
   static std::atomic<int> counter{0};
-  folder_ = std::filesystem::temp_directory_path() / ("farol-test-" + std::to_string(getpid()) + "-" + std::to_string(counter++));
+  folder_ = std::filesystem::temp_directory_path() /
+            ("farol-test-" + std::to_string(getpid()) + "-" + std::to_string(counter++));
   std::filesystem::create_directories(folder_);
 }
 
@@ -81,12 +94,15 @@ TemporaryFolder::~TemporaryFolder() {
 
 std::vector<std::string> TemporaryFolder::files() const {
   std::vector<std::string> names;
-  for (const auto& entry : std::filesystem::directory_iterator(folder_)) names.push_back(entry.path().filename().string());
+  for (const auto& entry : std::filesystem::directory_iterator(folder_))
+    names.push_back(entry.path().filename().string());
   std::sort(names.begin(), names.end());
   return names;
 }
 
-void writeText(const std::string& path, const std::string& text) { std::ofstream(path, std::ios::binary) << text; }
+void writeText(const std::string& path, const std::string& text) {
+  std::ofstream(path, std::ios::binary) << text;
+}
 
 std::string readText(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
@@ -103,7 +119,9 @@ Scene loadSurfaces(const std::vector<TestSurface>& surfaces, const Placement& pl
 
 std::vector<TestSurface> closedBox(const Vec3& s, const Rgb& reflectance, const Rgb& emission) {
   const auto corner = [&](int x, int y, int z) { return Vec3(x * s.x, y * s.y, z * s.z); };
-  const auto face = [&](const char* name, std::vector<Vec3> polygon) { return TestSurface{name, {std::move(polygon)}, reflectance, emission, false}; };
+  const auto face = [&](const char* name, std::vector<Vec3> polygon) {
+    return TestSurface{name, {std::move(polygon)}, reflectance, emission, false};
+  };
   return {face("x0", {corner(0, 0, 0), corner(0, 1, 0), corner(0, 1, 1), corner(0, 0, 1)}),
           face("x1", {corner(1, 0, 0), corner(1, 0, 1), corner(1, 1, 1), corner(1, 1, 0)}),
           face("y0", {corner(0, 0, 0), corner(0, 0, 1), corner(1, 0, 1), corner(1, 0, 0)}),
@@ -112,8 +130,8 @@ std::vector<TestSurface> closedBox(const Vec3& s, const Rgb& reflectance, const 
           face("z1", {corner(0, 0, 1), corner(0, 1, 1), corner(1, 1, 1), corner(1, 0, 1)})};
 }
 
-std::vector<TestSurface> sphereZones(const std::string& name, double radius, bool inward, const std::vector<double>& zones,
-                                     int segments, const Vec3& centre) {
+std::vector<TestSurface> sphereZones(const std::string& name, double radius, bool inward,
+                                     const std::vector<double>& zones, int segments, const Vec3& centre) {
   std::vector<TestSurface> result;
   for (size_t k = 0; k + 1 < zones.size(); ++k) {
     TestSurface zone;
@@ -144,7 +162,9 @@ TestSurface disk(const std::string& name, double radius, const Vec3& centre, con
   s.name = name;
   // The polygon with the area of the disk: its corners lie a little outside.
   const double r = radius * std::sqrt(2 * kPi / segments / std::sin(2 * kPi / segments));
-  const auto rim = [&](int k) { return centre + r * (std::cos(2 * kPi * k / segments) * a + std::sin(2 * kPi * k / segments) * b); };
+  const auto rim = [&](int k) {
+    return centre + r * (std::cos(2 * kPi * k / segments) * a + std::sin(2 * kPi * k / segments) * b);
+  };
   for (int k = 0; k < segments; ++k) s.polygons.push_back({centre, rim(k), rim((k + 1) % segments)});
   return s;
 }

@@ -3,9 +3,8 @@
 
 #include "scene/scene.h"
 
-#include <nlohmann/json.hpp>
-
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -53,8 +52,8 @@ Scene loadSurfaces(const std::vector<TestSurface>& surfaces, const Placement& pl
 std::vector<TestSurface> closedBox(const Vec3& size, const Rgb& reflectance = Rgb(0.5), const Rgb& emission = Rgb(0));
 
 // A sphere of quadrilaterals and triangles; `zones` lists heights z/r between which surfaces are cut, from -1 to 1.
-std::vector<TestSurface> sphereZones(const std::string& name, double radius, bool inward, const std::vector<double>& zones,
-                                     int segments, const Vec3& centre = Vec3(0));
+std::vector<TestSurface> sphereZones(const std::string& name, double radius, bool inward,
+                                     const std::vector<double>& zones, int segments, const Vec3& centre = Vec3(0));
 TestSurface disk(const std::string& name, double radius, const Vec3& centre, const Vec3& normal, int segments);
 
 }  // namespace farol::test

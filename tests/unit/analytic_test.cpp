@@ -30,8 +30,10 @@ TEST(PointToPolygon, IsZeroFromBehindAndInItsOwnPlane) {
 
 TEST(PointToPolygon, SumsToOneInsideABox) {
   const Vec3 p(0.3, 0.6, 0);
-  const std::vector<std::vector<Vec3>> box = {{{0, 0, 0}, {0, 1, 0}, {0, 1, 1}, {0, 0, 1}}, {{1, 0, 0}, {1, 0, 1}, {1, 1, 1}, {1, 1, 0}},
-                                              {{0, 0, 0}, {0, 0, 1}, {1, 0, 1}, {1, 0, 0}}, {{0, 1, 0}, {1, 1, 0}, {1, 1, 1}, {0, 1, 1}},
+  const std::vector<std::vector<Vec3>> box = {{{0, 0, 0}, {0, 1, 0}, {0, 1, 1}, {0, 0, 1}},
+                                              {{1, 0, 0}, {1, 0, 1}, {1, 1, 1}, {1, 1, 0}},
+                                              {{0, 0, 0}, {0, 0, 1}, {1, 0, 1}, {1, 0, 0}},
+                                              {{0, 1, 0}, {1, 1, 0}, {1, 1, 1}, {0, 1, 1}},
                                               {{0, 0, 1}, {0, 1, 1}, {1, 1, 1}, {1, 0, 1}}};
   double sum = 0;
   for (const auto& face : box) sum += pointToPolygon(p, kUp, face);

@@ -1,7 +1,7 @@
 #include "patch/facets.h"
-#include "test_scene.h"
 
 #include "base/error.h"
+#include "test_scene.h"
 
 #include <gtest/gtest.h>
 
@@ -29,7 +29,12 @@ TEST(Facets, KeepTrianglesThatMakeNoParallelogram) {
 
 TEST(Facets, LeaveOutDegenerateAndDuplicateTriangles) {
   const std::vector<Vec3> good = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
-  const FacetSet set = facetsOf({{"t", {good, good, {{0, 0, 0}, {1, 0, 0}, {1, 0, 0}}, {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}}});
+  const FacetSet set = facetsOf({{"t",
+                                  {good,
+                                   good,
+                                   {{0, 0, 0}, {1, 0, 0}, {1, 0, 0}},
+                                   {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}},
+                                   {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}}});
   EXPECT_EQ(set.facets.size(), 1u);
   EXPECT_EQ(set.duplicate, 1u);
   EXPECT_EQ(set.degenerate, 3u);
@@ -40,7 +45,8 @@ TEST(Facets, RefuseASceneOfDegenerateTriangles) {
 }
 
 TEST(Facets, NoticeTrianglesThatFaceOppositeWays) {
-  EXPECT_TRUE(facetsOf({{"a", {{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}}}, {"b", {{{0, 0, 0}, {0, 1, 0}, {1, 0, 0}}}}}).hasTwins);
+  EXPECT_TRUE(
+      facetsOf({{"a", {{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}}}, {"b", {{{0, 0, 0}, {0, 1, 0}, {1, 0, 0}}}}}).hasTwins);
   EXPECT_FALSE(facetsOf(closedBox({1, 1, 1})).hasTwins);
 }
 

@@ -6,12 +6,14 @@ namespace farol {
 namespace {
 
 // 2 x 1 texels: black, white.
-Texture checker(Wrap wrap) { return {"checker", 2, 1, {0, 0, 0, 255, 255, 255, 255, 255}, wrap, wrap, false}; }
+Texture checker(Wrap wrap) {
+  return {"checker", 2, 1, {0, 0, 0, 255, 255, 255, 255, 255}, wrap, wrap, false};
+}
 
 TEST(Texture, DecodesSrgbBeforeFiltering) {
   Texture t = checker(Wrap::clamp);
-  EXPECT_NEAR(t.sample({0.5, 0.5}, true)[0], 0.5, 1e-12);   // half of linear black and white
-  t.rgba[0] = t.rgba[4] = 188;                              // 0.5 in sRGB is about code 188
+  EXPECT_NEAR(t.sample({0.5, 0.5}, true)[0], 0.5, 1e-12);  // half of linear black and white
+  t.rgba[0] = t.rgba[4] = 188;                             // 0.5 in sRGB is about code 188
   EXPECT_NEAR(t.sample({0.5, 0.5}, true)[0], 0.5029, 1e-4);
   EXPECT_NEAR(t.sample({0.5, 0.5}, false)[0], 188 / 255.0, 1e-12);
 }

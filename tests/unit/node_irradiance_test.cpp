@@ -1,4 +1,5 @@
 #include "solve/node_irradiance.h"
+
 #include "test_scene.h"
 
 #include <gtest/gtest.h>
@@ -7,7 +8,8 @@ namespace farol::test {
 namespace {
 
 struct Field {
-  Field(const std::vector<TestSurface>& surfaces, size_t count, double (*value)(const Vec3&)) : scene(loadSurfaces(surfaces)) {
+  Field(const std::vector<TestSurface>& surfaces, size_t count, double (*value)(const Vec3&))
+      : scene(loadSurfaces(surfaces)) {
     Log log(true);
     facets = buildFacets(scene, log);
     patches = buildPatches(scene, facets, {count, 0});
@@ -23,7 +25,8 @@ struct Field {
 };
 
 TEST(NodeIrradiance, KeepsAConstantExactly) {
-  const Field f({{"q", {{{0, 0, 0}, {3, 0, 0}, {3, 2, 0}, {0, 2, 0}}}}, {"t", {{{4, 0, 0}, {7, 0, 0}, {4, 2, 0}}}}}, 200, [](const Vec3&) { return 2.5; });
+  const Field f({{"q", {{{0, 0, 0}, {3, 0, 0}, {3, 2, 0}, {0, 2, 0}}}}, {"t", {{{4, 0, 0}, {7, 0, 0}, {4, 2, 0}}}}},
+                200, [](const Vec3&) { return 2.5; });
   for (uint32_t facet = 0; facet < 2; ++facet) {
     for (double u = 0; u <= 1; u += 0.09) {
       for (double v = 0; u + v <= 1; v += 0.07) EXPECT_NEAR(f.at(facet, u, v), 2.5, 1e-12);
@@ -33,7 +36,8 @@ TEST(NodeIrradiance, KeepsAConstantExactly) {
 
 // Inside, the mean of cells around a node reproduces a linear function.
 TEST(NodeIrradiance, FollowsALinearFunctionInside) {
-  const Field f({{"q", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}}}, 400, [](const Vec3& p) { return p.x + 2 * p.y; });
+  const Field f({{"q", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}}}, 400,
+                [](const Vec3& p) { return p.x + 2 * p.y; });
   const Facet& facet = f.facets.facets[0];
   for (const Vec2 uv : {Vec2(0.3, 0.6), Vec2(0.52, 0.5), Vec2(0.77, 0.21)}) {
     const Vec3 p = f.facets.frame.toScene(f.facets.point(facet, uv.x, uv.y));
@@ -43,22 +47,27 @@ TEST(NodeIrradiance, FollowsALinearFunctionInside) {
 
 // Two rectangles of one floor with edges of different length: no seam beyond second order along the shared line.
 TEST(NodeIrradiance, HasNoSeamBetweenFacetsOfOnePlane) {
-  const Field f({{"left", {{{0, 0, 0}, {1, 0, 0}, {1, 2, 0}, {0, 2, 0}}}}, {"right", {{{1, 0.3, 0}, {2, 0.3, 0}, {2, 1.6, 0}, {1, 1.6, 0}}}}}, 400,
-                [](const Vec3& p) { return 1 + p.x + 0.5 * p.y; });
+  const Field f({{"left", {{{0, 0, 0}, {1, 0, 0}, {1, 2, 0}, {0, 2, 0}}}},
+                 {"right", {{{1, 0.3, 0}, {2, 0.3, 0}, {2, 1.6, 0}, {1, 1.6, 0}}}}},
+                400, [](const Vec3& p) { return 1 + p.x + 0.5 * p.y; });
   const auto valueAt = [&](uint32_t facet, const Vec3& p) {
     const Facet& t = f.facets.facets[facet];
-    const Vec3 o = f.facets.points[t.corners[0]], a = f.facets.points[t.corners[1]] - o, b = f.facets.points[t.vCorner()] - o, d = f.facets.frame.toUnit(p) - o;
+    const Vec3 o = f.facets.points[t.corners[0]], a = f.facets.points[t.corners[1]] - o,
+               b = f.facets.points[t.vCorner()] - o, d = f.facets.frame.toUnit(p) - o;
     return f.at(facet, glm::dot(d, a) / glm::dot(a, a), glm::dot(d, b) / glm::dot(b, b));
   };
-  for (double y = 0.4; y < 1.5; y += 0.013) EXPECT_NEAR(valueAt(0, {1, y, 0}), valueAt(1, {1, y, 0}), 0.03) << y;  // the two sides' cells differ by 0.1
+  for (double y = 0.4; y < 1.5; y += 0.013)
+    EXPECT_NEAR(valueAt(0, {1, y, 0}), valueAt(1, {1, y, 0}), 0.03) << y;  // the two sides' cells differ by 0.1
 }
 
 // A crease stays sharp: floor and wall meet with their own values.
 TEST(NodeIrradiance, KeepsCreasesSharp) {
-  const Field f({{"floor", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}}, {"wall", {{{0, 0, 0}, {0, 1, 0}, {0, 1, 1}, {0, 0, 1}}}}}, 200,
-                [](const Vec3& p) { return p.z > 0 ? 5.0 : 1.0; });
+  const Field f({{"floor", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}},
+                 {"wall", {{{0, 0, 0}, {0, 1, 0}, {0, 1, 1}, {0, 0, 1}}}}},
+                200, [](const Vec3& p) { return p.z > 0 ? 5.0 : 1.0; });
   for (uint32_t facet = 0; facet < 2; ++facet) {
-    for (const Vec2 uv : {Vec2(0, 0), Vec2(1, 0), Vec2(0, 1), Vec2(0.5, 0), Vec2(0, 0.5)}) EXPECT_NEAR(f.at(facet, uv.x, uv.y), facet == 0 ? 1 : 5, 1e-12);
+    for (const Vec2 uv : {Vec2(0, 0), Vec2(1, 0), Vec2(0, 1), Vec2(0.5, 0), Vec2(0, 0.5)})
+      EXPECT_NEAR(f.at(facet, uv.x, uv.y), facet == 0 ? 1 : 5, 1e-12);
   }
 }
 

@@ -1,11 +1,11 @@
+#include "output/output.h"
+
 #include "base/error.h"
 #include "base/output_file.h"
-#include "output/output.h"
 #include "test_scene.h"
 
-#include <gtest/gtest.h>
-
 #include <cstring>
+#include <gtest/gtest.h>
 
 namespace farol::test {
 namespace {
@@ -32,7 +32,9 @@ TEST(OutputFile, SaysThatADiskIsFull) {
   EXPECT_THROW(file.commit(), Error);
 }
 
-TEST(OutputFile, RefusesFoldersThatDoNotExist) { EXPECT_THROW(requireWritable("/no/such/folder/file"), Error); }
+TEST(OutputFile, RefusesFoldersThatDoNotExist) {
+  EXPECT_THROW(requireWritable("/no/such/folder/file"), Error);
+}
 
 struct Solved {
   Solved() : scene(loadSurfaces(closedBox({1, 1, 1}, Rgb(0.5), Rgb(1)), {{0, 0, 0, 1}, {1000, 0, 0}, 1})) {
@@ -54,7 +56,9 @@ TEST(PatchesCsv, QuotesNamesAndHasAColumnPerHeader) {
   const TemporaryFolder folder;
   writePatchesCsv(folder.path("p.csv"), s.scene, s.patches, nullptr, s.solution);
   const std::string text = readText(folder.path("p.csv"));
-  EXPECT_EQ(text.substr(0, text.find("\r\n")), "patch,surface,cx,cy,cz,nx,ny,nz,area,rho_r,rho_g,rho_b,E_r,E_g,E_b,B_r,B_g,B_b,H_r,H_g,H_b,exposed_area,err");
+  EXPECT_EQ(
+      text.substr(0, text.find("\r\n")),
+      "patch,surface,cx,cy,cz,nx,ny,nz,area,rho_r,rho_g,rho_b,E_r,E_g,E_b,B_r,B_g,B_b,H_r,H_g,H_b,exposed_area,err");
   EXPECT_NE(text.find("\r\n0,\"wall, \"\"left\"\"\",1000,0."), std::string::npos);
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 25);
 }
@@ -65,7 +69,8 @@ TEST(FactorsNpy, HasTheHeaderThatNumPyReads) {
   const TemporaryFolder folder;
   writeFactorsNpy(folder.path("f.npy"), f);
   const std::string bytes = readText(folder.path("f.npy"));
-  const size_t header = 10 + static_cast<unsigned char>(bytes[8]) + 256 * static_cast<size_t>(static_cast<unsigned char>(bytes[9]));
+  const size_t header =
+      10 + static_cast<unsigned char>(bytes[8]) + 256 * static_cast<size_t>(static_cast<unsigned char>(bytes[9]));
   EXPECT_EQ(bytes.substr(1, 5), "NUMPY");
   EXPECT_EQ(header % 64, 0u);
   EXPECT_NE(bytes.find("'shape': (3, 3)"), std::string::npos);
@@ -87,7 +92,9 @@ TEST(LitGlb, IsReadableAndCarriesTheLight) {
   EXPECT_TRUE(lit.materials[0].unlit);
   double area = 0;
   for (const Surface& surface : lit.surfaces) {
-    for (const auto& t : surface.triangles) area += 0.5 * glm::length(glm::cross(surface.positions[t[1]] - surface.positions[t[0]], surface.positions[t[2]] - surface.positions[t[0]]));
+    for (const auto& t : surface.triangles)
+      area += 0.5 * glm::length(glm::cross(surface.positions[t[1]] - surface.positions[t[0]],
+                                           surface.positions[t[2]] - surface.positions[t[0]]));
     for (const Rgb& c : surface.colors) EXPECT_NEAR(c.r, 1.0, 1e-6);  // B = E + rho H = 2 everywhere: the brightest
     for (const Vec3& p : surface.positions) EXPECT_NEAR(p.x, 1000.5, 0.51);
   }

@@ -3,7 +3,6 @@
 #include "test_scene.h"
 
 #include <gtest/gtest.h>
-
 #include <set>
 
 namespace farol::test {
@@ -20,7 +19,9 @@ struct Cut {
   PatchSet patches;
 };
 
-Cut boxOf(const Vec3& size, const PatchOptions& options) { return Cut(loadSurfaces(closedBox(size)), options); }
+Cut boxOf(const Vec3& size, const PatchOptions& options) {
+  return Cut(loadSurfaces(closedBox(size)), options);
+}
 
 double areaOf(const Cut& cut) {
   double sum = 0;
@@ -35,7 +36,9 @@ TEST(Patches, AreasSumToTheAreaOfTheScene) {
     const Scene scene = loadScene(std::string(FAROL_SCENES) + name, log);
     double triangles = 0;
     for (const Surface& s : scene.surfaces) {
-      for (const auto& t : s.triangles) triangles += 0.5 * glm::length(glm::cross(s.positions[t[1]] - s.positions[t[0]], s.positions[t[2]] - s.positions[t[0]]));
+      for (const auto& t : s.triangles)
+        triangles +=
+            0.5 * glm::length(glm::cross(s.positions[t[1]] - s.positions[t[0]], s.positions[t[2]] - s.positions[t[0]]));
     }
     EXPECT_NEAR(areaOf(Cut(scene, {3000, 0})), triangles, 1e-6 * triangles) << name;
   }
@@ -47,7 +50,9 @@ TEST(Patches, FollowThePatchSize) {
   for (size_t f = 0; f < cut.facets.facets.size(); ++f) {
     const Facet& facet = cut.facets.facets[f];
     const double size = cut.facets.frame.size;
-    EXPECT_EQ(cut.patches.grids[f].nu, std::lround(2 * size * glm::distance(cut.facets.points[facet.corners[0]], cut.facets.points[facet.corners[1]])));
+    EXPECT_EQ(cut.patches.grids[f].nu,
+              std::lround(2 * size *
+                          glm::distance(cut.facets.points[facet.corners[0]], cut.facets.points[facet.corners[1]])));
   }
   EXPECT_EQ(cut.patches.size(), 2u * (4 * 6 + 2 * 6 + 2 * 4));
   EXPECT_EQ(boxOf({1, 1, 1}, {0, 0.3}).patches.size(), 6u * 16);
@@ -55,15 +60,20 @@ TEST(Patches, FollowThePatchSize) {
 }
 
 TEST(Patches, ComeCloseToTheNumberAskedFor) {
-  for (const size_t count : {600u, 4000u, 20000u}) EXPECT_NEAR(static_cast<double>(boxOf({1, 2, 3}, {count, 0}).patches.size()), static_cast<double>(count), 0.1 * static_cast<double>(count));
+  for (const size_t count : {600u, 4000u, 20000u})
+    EXPECT_NEAR(static_cast<double>(boxOf({1, 2, 3}, {count, 0}).patches.size()), static_cast<double>(count),
+                0.1 * static_cast<double>(count));
 }
 
-TEST(Patches, RefuseASizeThatMakesTooMany) { EXPECT_THROW(boxOf({1, 1, 1}, {0, 1e-6}), Error); }
+TEST(Patches, RefuseASizeThatMakesTooMany) {
+  EXPECT_THROW(boxOf({1, 1, 1}, {0, 1e-6}), Error);
+}
 
 // Every cell's own centre is found again from its (u,v), on parallelograms and on triangles.
 TEST(Cells, AreFoundFromTheirCentres) {
   for (const bool parallelogram : {true, false}) {
-    Scene scene = loadSurfaces({parallelogram ? TestSurface{"q", {{{0, 0, 0}, {3, 0, 0}, {3, 2, 0}, {0, 2, 0}}}} : TestSurface{"t", {{{0, 0, 0}, {3, 0, 0}, {0, 2, 0}}}}});
+    Scene scene = loadSurfaces({parallelogram ? TestSurface{"q", {{{0, 0, 0}, {3, 0, 0}, {3, 2, 0}, {0, 2, 0}}}}
+                                              : TestSurface{"t", {{{0, 0, 0}, {3, 0, 0}, {0, 2, 0}}}}});
     const Cut cut(std::move(scene), {300, 0});
     double area = 0;
     for (uint32_t c = 0; c < cut.patches.cells.size(); ++c) {

@@ -1,8 +1,8 @@
-#include "formfactor/analytic.h"
 #include "formfactor/projection.h"
 
-#include <gtest/gtest.h>
+#include "formfactor/analytic.h"
 
+#include <gtest/gtest.h>
 #include <numeric>
 
 namespace farol {
@@ -35,11 +35,14 @@ TEST(DeltaFormFactors, AreThePixelsOwnFactors) {
     for (uint32_t j = 0; j < face.height; ++j) {
       for (uint32_t i = 0; i < face.width; ++i) {
         const auto point = [&](uint32_t x, uint32_t y) {
-          return (face.low + (1 - face.low) * x / face.width) * face.right + (face.bottom + (1 - face.bottom) * y / face.height) * face.up + face.forward;
+          return (face.low + (1 - face.low) * x / face.width) * face.right +
+                 (face.bottom + (1 - face.bottom) * y / face.height) * face.up + face.forward;
         };
-        // right x up = forward: seen from the origin these run clockwise around the direction of sight, as pointToPolygon wants.
+        // right x up = forward: seen from the origin these run clockwise around the direction of sight, as
+        // pointToPolygon wants.
         const std::vector<Vec3> pixel = {point(i, j), point(i, j + 1), point(i + 1, j + 1), point(i + 1, j)};
-        EXPECT_NEAR(factors[(face.y + j) * layout.width + face.x + i], pointToPolygon(Vec3(0), Vec3(0, 0, 1), pixel), 1e-14);
+        EXPECT_NEAR(factors[(face.y + j) * layout.width + face.x + i], pointToPolygon(Vec3(0), Vec3(0, 0, 1), pixel),
+                    1e-14);
       }
     }
   }

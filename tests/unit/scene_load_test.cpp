@@ -2,10 +2,9 @@
 #include "scene/scene.h"
 #include "test_scene.h"
 
-#include <gmock/gmock.h>
-
 #include <cstring>
 #include <functional>
+#include <gmock/gmock.h>
 
 namespace farol::test {
 namespace {
@@ -15,7 +14,9 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::ThrowsMessage;
 
-json square() { return gltfOf({{"square", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}}}); }
+json square() {
+  return gltfOf({{"square", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}}});
+}
 
 Scene load(const json& document) {
   const TemporaryFolder folder;
@@ -26,7 +27,8 @@ Scene load(const json& document) {
 
 double areaOf(const Surface& s) {
   double sum = 0;
-  for (const auto& t : s.triangles) sum += 0.5 * glm::length(glm::cross(s.positions[t[1]] - s.positions[t[0]], s.positions[t[2]] - s.positions[t[0]]));
+  for (const auto& t : s.triangles)
+    sum += 0.5 * glm::length(glm::cross(s.positions[t[1]] - s.positions[t[0]], s.positions[t[2]] - s.positions[t[0]]));
   return sum;
 }
 
@@ -87,7 +89,9 @@ TEST(SceneLoader, ReadsStripsAndFans) {
 TEST(SceneLoader, AppliesSparseAccessors) {
   json j = square();
   // The last index (of 6) of the index accessor becomes what the first two bytes of the positions hold: 0.
-  j["accessors"][1]["sparse"] = {{"count", 1}, {"indices", {{"bufferView", 1}, {"byteOffset", 4}, {"componentType", 5125}}}, {"values", {{"bufferView", 0}}}};
+  j["accessors"][1]["sparse"] = {{"count", 1},
+                                 {"indices", {{"bufferView", 1}, {"byteOffset", 4}, {"componentType", 5125}}},
+                                 {"values", {{"bufferView", 0}}}};
   EXPECT_EQ(load(j).surfaces[0].triangles[0][1], 0u);  // element 1 (index list 0 1 2 ...) replaced by 0
 }
 
@@ -102,7 +106,8 @@ TEST(SceneLoader, ReadsQuantisedPositions) {
 
 TEST(SceneLoader, ReadsEmissionStrengthAndTheExactOverride) {
   json j = square();
-  j["materials"][0] = {{"emissiveFactor", {1, 0.5, 0}}, {"extensions", {{"KHR_materials_emissive_strength", {{"emissiveStrength", 4}}}}}};
+  j["materials"][0] = {{"emissiveFactor", {1, 0.5, 0}},
+                       {"extensions", {{"KHR_materials_emissive_strength", {{"emissiveStrength", 4}}}}}};
   EXPECT_NEAR(load(j).materials[0].emission.g, 2 * kPi, 1e-12);
   j["materials"][0]["extras"]["farol"] = {{"emission", {7, 7, 7}}, {"diffuse", {0.1, 0.2, 0.3}}};
   const Optics o = load(j).materials[0].evaluate({}, {});
@@ -112,7 +117,8 @@ TEST(SceneLoader, ReadsEmissionStrengthAndTheExactOverride) {
 
 TEST(SceneLoader, KeepsPunctualLights) {
   json j = square();
-  j["extensions"]["KHR_lights_punctual"]["lights"] = {{{"type", "spot"}, {"intensity", 5}, {"color", {1, 0.5, 0}}, {"spot", {{"outerConeAngle", 0.5}}}}};
+  j["extensions"]["KHR_lights_punctual"]["lights"] = {
+      {{"type", "spot"}, {"intensity", 5}, {"color", {1, 0.5, 0}}, {"spot", {{"outerConeAngle", 0.5}}}}};
   j["nodes"][0]["extensions"]["KHR_lights_punctual"]["light"] = 0;
   const Scene scene = load(j);
   ASSERT_EQ(scene.lights.size(), 1u);
@@ -129,7 +135,8 @@ TEST(SceneLoader, ChoosesCamerasByName) {
   const Scene scene = load(j);
   EXPECT_NEAR(chooseCamera(scene, "").position.z, 3, 1e-12);
   EXPECT_NEAR(chooseCamera(scene, "front").forward.z, -1, 1e-12);
-  EXPECT_THAT([&] { chooseCamera(scene, "back"); }, ThrowsMessage<Error>(AllOf(HasSubstr("no camera 'back'"), HasSubstr("front"))));
+  EXPECT_THAT([&] { chooseCamera(scene, "back"); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("no camera 'back'"), HasSubstr("front"))));
   EXPECT_TRUE(chooseCamera(load(square()), "").frontFacesOnly);
 }
 
@@ -151,33 +158,80 @@ TEST_P(BrokenFile, IsRefusedWithASentence) {
 const Broken kBroken[] = {
     {"NoAsset", [](json& j) { j.erase("asset"); }, "not glTF"},
     {"OldVersion", [](json& j) { j["asset"]["version"] = "1.0"; }, "only glTF 2 is read"},
-    {"UnknownRequiredExtension", [](json& j) { j["extensionsRequired"] = {"KHR_draco_mesh_compression"}; }, "KHR_draco_mesh_compression is required but not supported"},
-    {"BufferViewBeyondBuffer", [](json& j) { j["bufferViews"][0]["byteLength"] = 100000; }, "bufferView 0: ends at byte 100000"},
+    {"UnknownRequiredExtension", [](json& j) { j["extensionsRequired"] = {"KHR_draco_mesh_compression"}; },
+     "KHR_draco_mesh_compression is required but not supported"},
+    {"BufferViewBeyondBuffer", [](json& j) { j["bufferViews"][0]["byteLength"] = 100000; },
+     "bufferView 0: ends at byte 100000"},
     {"BufferShorterThanSaid", [](json& j) { j["buffers"][0]["byteLength"] = 1000; }, "file"},
     {"AccessorBeyondView", [](json& j) { j["accessors"][0]["count"] = 400; }, "accessor 0: needs"},
     {"NegativeCount", [](json& j) { j["accessors"][0]["count"] = -1; }, "accessor 0: count is -1"},
-    {"HugeCount", [](json& j) { j["accessors"][0].erase("bufferView"); j["accessors"][0]["count"] = uint64_t{1} << 40; }, "accessor 0: count"},
+    {"HugeCount",
+     [](json& j) {
+       j["accessors"][0].erase("bufferView");
+       j["accessors"][0]["count"] = uint64_t{1} << 40;
+     },
+     "accessor 0: count"},
     {"UnknownComponentType", [](json& j) { j["accessors"][0]["componentType"] = 5130; }, "componentType"},
     {"BadStride", [](json& j) { j["bufferViews"][0]["byteStride"] = 3; }, "byteStride is 3"},
     {"MeshIndexOutOfRange", [](json& j) { j["nodes"][0]["mesh"] = 7; }, "mesh is 7, but the file has 1 meshes"},
-    {"AttributeIndexOutOfRange", [](json& j) { j["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = 9; }, "POSITION is 9"},
-    {"VertexIndexOutOfRange", [](json& j) { j["accessors"][1]["bufferView"] = 0; }, "index"},  // float bits read as indices
-    {"NodeCycle", [](json& j) { j["nodes"].push_back({{"children", {2}}}); j["nodes"].push_back({{"children", {1}}}); }, "cycle of nodes"},
+    {"AttributeIndexOutOfRange", [](json& j) { j["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = 9; },
+     "POSITION is 9"},
+    {"VertexIndexOutOfRange", [](json& j) { j["accessors"][1]["bufferView"] = 0; },
+     "index"},  // float bits read as indices
+    {"NodeCycle",
+     [](json& j) {
+       j["nodes"].push_back({{"children", {2}}});
+       j["nodes"].push_back({{"children", {1}}});
+     },
+     "cycle of nodes"},
     {"NodeOfItself", [](json& j) { j["nodes"][0]["children"] = {0}; }, "cycle of nodes"},
-    {"TwoParents", [](json& j) { j["nodes"].push_back({{"children", {0}}}); j["nodes"].push_back({{"children", {0}}}); }, "is a child of node 1 and of node 2"},
+    {"TwoParents",
+     [](json& j) {
+       j["nodes"].push_back({{"children", {0}}});
+       j["nodes"].push_back({{"children", {0}}});
+     },
+     "is a child of node 1 and of node 2"},
     {"AbsolutePath", [](json& j) { j["buffers"][0]["uri"] = "/etc/passwd"; }, "uri '/etc/passwd' is not allowed"},
     {"OtherScheme", [](json& j) { j["buffers"][0]["uri"] = "file:///etc/passwd"; }, "is not allowed"},
     {"MissingBufferFile", [](json& j) { j["buffers"][0]["uri"] = "nowhere.bin"; }, "nowhere.bin"},
     {"NoTriangles", [](json& j) { j["nodes"][0].erase("mesh"); }, "has no triangles"},
-    {"ReflectanceAboveOne", [](json& j) { j["materials"][0] = {{"name", "chalk"}, {"pbrMetallicRoughness", {{"baseColorFactor", {1.02, 0.5, 0.5, 1}}}}}; }, "material 'chalk': baseColorFactor channel r is 1.02, outside [0, 1]"},
-    {"SumAboveOne", [](json& j) { j["materials"][0]["extras"]["farol"] = {{"diffuse", {0.6, 0, 0}}, {"specular", {0.6, 0, 0}}}; }, "above 1"},
-    {"NegativeEmission", [](json& j) { j["materials"][0]["extras"]["farol"] = {{"emission", {-1, 0, 0}}}; }, "emission channel r is -1"},
-    {"TextWhereANumberBelongs", [](json& j) { j["materials"][0]["pbrMetallicRoughness"]["metallicFactor"] = "shiny"; }, "metallicFactor"},
-    {"RoughTransmission", [](json& j) { j["materials"][0] = {{"name", "frost"}, {"extensions", {{"KHR_materials_transmission", {{"transmissionFactor", 0.5}}}}}}; }, "'frost': transmission with roughness 1"},
-    {"TextureMissing", [](json& j) { j["materials"][0] = {{"pbrMetallicRoughness", {{"baseColorTexture", {{"index", 0}}}}}}; }, "baseColorTexture"},
-    {"BadFieldOfView", [](json& j) { j["cameras"] = {{{"type", "perspective"}, {"perspective", {{"yfov", 4}, {"znear", 1}}}}}; j["nodes"][0]["camera"] = 0; }, "yfov is 4"},
+    {"ReflectanceAboveOne",
+     [](json& j) {
+       j["materials"][0] = {{"name", "chalk"}, {"pbrMetallicRoughness", {{"baseColorFactor", {1.02, 0.5, 0.5, 1}}}}};
+     },
+     "material 'chalk': baseColorFactor channel r is 1.02, outside [0, 1]"},
+    {"SumAboveOne",
+     [](json& j) {
+       j["materials"][0]["extras"]["farol"] = {{"diffuse", {0.6, 0, 0}}, {"specular", {0.6, 0, 0}}};
+     },
+     "above 1"},
+    {"NegativeEmission",
+     [](json& j) {
+       j["materials"][0]["extras"]["farol"] = {{"emission", {-1, 0, 0}}};
+     },
+     "emission channel r is -1"},
+    {"TextWhereANumberBelongs", [](json& j) { j["materials"][0]["pbrMetallicRoughness"]["metallicFactor"] = "shiny"; },
+     "metallicFactor"},
+    {"RoughTransmission",
+     [](json& j) {
+       j["materials"][0] = {{"name", "frost"},
+                            {"extensions", {{"KHR_materials_transmission", {{"transmissionFactor", 0.5}}}}}};
+     },
+     "'frost': transmission with roughness 1"},
+    {"TextureMissing",
+     [](json& j) {
+       j["materials"][0] = {{"pbrMetallicRoughness", {{"baseColorTexture", {{"index", 0}}}}}};
+     },
+     "baseColorTexture"},
+    {"BadFieldOfView",
+     [](json& j) {
+       j["cameras"] = {{{"type", "perspective"}, {"perspective", {{"yfov", 4}, {"znear", 1}}}}};
+       j["nodes"][0]["camera"] = 0;
+     },
+     "yfov is 4"},
 };
-INSTANTIATE_TEST_SUITE_P(SceneLoader, BrokenFile, ::testing::ValuesIn(kBroken), [](const auto& p) { return std::string(p.param.name); });
+INSTANTIATE_TEST_SUITE_P(SceneLoader, BrokenFile, ::testing::ValuesIn(kBroken),
+                         [](const auto& p) { return std::string(p.param.name); });
 
 // A vertex that is not a number, in the binary data.
 TEST(SceneLoader, RefusesAVertexThatIsNotANumber) {
@@ -191,7 +245,8 @@ TEST(SceneLoader, RefusesAVertexThatIsNotANumber) {
   j["bufferViews"][0]["buffer"] = 1;
   writeText(folder.path("scene.gltf"), j.dump());
   Log log(true);
-  EXPECT_THAT([&] { loadScene(folder.path("scene.gltf"), log); }, ThrowsMessage<Error>(AllOf(HasSubstr("surface 'square'"), HasSubstr("not a finite number"))));
+  EXPECT_THAT([&] { loadScene(folder.path("scene.gltf"), log); },
+              ThrowsMessage<Error>(AllOf(HasSubstr("surface 'square'"), HasSubstr("not a finite number"))));
 }
 
 TEST(SceneLoader, RefusesDamagedContainers) {

@@ -1,6 +1,7 @@
 // The solver on systems small enough for paper: F is given, not computed.
-#include "base/error.h"
 #include "solve/solver.h"
+
+#include "base/error.h"
 #include "test_scene.h"
 
 #include <gtest/gtest.h>
@@ -9,7 +10,9 @@ namespace farol::test {
 namespace {
 
 struct GivenSystem {
-  GivenSystem(const std::vector<std::vector<double>>& rows, const std::vector<double>& rho, const std::vector<double>& emission) : f(rows.size()) {
+  GivenSystem(const std::vector<std::vector<double>>& rows, const std::vector<double>& rho,
+              const std::vector<double>& emission)
+      : f(rows.size()) {
     scene.path = "given";
     scene.surfaces.push_back({"surface", 0, {}, {}, {}, {}, {}});
     for (uint32_t i = 0; i < rows.size(); ++i) {
@@ -57,7 +60,12 @@ TEST(Solver, SolvesTwoPlates) {
 
 // The estimate of the contraction: sqrt(rho1 rho2) = 0.632456 is the Jacobi radius of two plates (failures, 18).
 TEST(Solver, EstimatesTheContraction) {
-  const GivenSystem cube({{0, .2, .2, .2, .2, .2}, {.2, 0, .2, .2, .2, .2}, {.2, .2, 0, .2, .2, .2}, {.2, .2, .2, 0, .2, .2}, {.2, .2, .2, .2, 0, .2}, {.2, .2, .2, .2, .2, 0}},
+  const GivenSystem cube({{0, .2, .2, .2, .2, .2},
+                          {.2, 0, .2, .2, .2, .2},
+                          {.2, .2, 0, .2, .2, .2},
+                          {.2, .2, .2, 0, .2, .2},
+                          {.2, .2, .2, .2, 0, .2},
+                          {.2, .2, .2, .2, .2, 0}},
                          std::vector<double>(6, 0.9), {1, 1, 1, 1, 1, 0});
   EXPECT_NEAR(cube.solve(SolverKind::jacobi).contraction, 0.9, 0.01);
 }

@@ -1,8 +1,7 @@
 #include "view/tone.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
+#include <gtest/gtest.h>
 
 namespace farol {
 namespace {
