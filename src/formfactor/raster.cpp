@@ -11,8 +11,6 @@
 #include "shaders/hemicube_reduce.comp.h"
 #include "shared/interface.h"
 
-#include <array>
-#include <cstring>
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 
@@ -165,14 +163,17 @@ struct RasterRowMaker::Impl {
 
   // Colour, depth and items per pixel; sums and two downloads per bin; lists of visible clusters.
   uint64_t bytesPerLayer() const {
-    return uint64_t{12} * pixels + uint64_t{12} * bins + uint64_t{4} * layout.faces.size() * clusterCountOf(facets);
+    return uint64_t{12} * pixels + uint64_t{12} * bins + uint64_t{4} * drawCount();
   }
+
+  uint64_t drawCount() const { return uint64_t{layout.faces.size()} * clusterCountOf(facets); }
 
   uint32_t chooseLayers() const {
     const gpu::Limits& limits = device.limits();
     uint64_t count = options.deviceMemory / bytesPerLayer();
     count = std::min<uint64_t>(count, limits.maxImageLayers);
-    count = std::min(count, limits.maxStorageBufferRange / (uint64_t{4} * std::max(pixels, bins)));
+    const uint64_t widest = std::max<uint64_t>({pixels, bins, drawCount()});  // words per layer of the largest buffer
+    count = std::min(count, limits.maxStorageBufferRange / (4 * widest));
     if (options.maxBatch > 0) count = std::min<uint64_t>(count, options.maxBatch);
     if (count == 0) {
       throw Error("a hemicube of resolution {} with {} patches needs {} bytes on the device; {} are allowed",

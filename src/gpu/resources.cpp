@@ -162,6 +162,11 @@ Bindings::Bindings(const Device& device, const std::string& name, const std::vec
     : impl_(std::make_unique<Impl>(device.impl())) {
   const Device::Impl& d = device.impl();
   const auto count = static_cast<uint32_t>(buffers.size());
+  for (const Buffer* buffer : buffers) {
+    if (buffer->bytes() <= d.limits.maxStorageBufferRange) continue;
+    throw Error("{} needs a buffer of {} bytes; device {} binds at most {}", name, buffer->bytes(), d.info.name,
+                d.limits.maxStorageBufferRange);
+  }
   impl_->layout = createBufferLayout(d, count);
   const VkDescriptorPoolSize size{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, count};
   VkDescriptorPoolCreateInfo poolInfo{};

@@ -67,7 +67,8 @@ TEST(Render, DrawsAPictureWithAReport) {
   double sum = 0;
   for (const json& stage : r["stages"]) sum += stage["seconds"].get<double>();
   EXPECT_NEAR(sum, r["total_seconds"].get<double>(), 1e-9);
-  EXPECT_GT(r["peak_bytes"].get<uint64_t>(), 1u << 20);
+  const auto peak = r["peak_bytes"].get<double>(), counted = static_cast<double>(o.peakBytes);
+  EXPECT_NEAR(peak, counted, 0.05 * counted);  // as the operating system counts it
 }
 
 TEST(Render, WritesLinearRadianceAsExr) {
