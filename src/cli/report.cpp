@@ -64,7 +64,7 @@ void writeReport(const std::string& path, const Report& r) {
                    {"driver", r.device->driver},
                    {"api", r.device->apiVersion},
                    {"memory_bytes", r.device->memoryBytes}};
-    j["batch"] = {{"hemicubes", r.batch}, {"device_bytes", r.deviceBytes}};
+    j["batch"] = {{"devices", r.devices}, {"hemicubes", r.batch}, {"device_bytes", r.deviceBytes}};
   }
   j["counts"] = {{"surfaces", r.surfaces},
                  {"triangles", r.triangles},

@@ -18,6 +18,7 @@ struct Report {
   double area = 0;  // of all patches [scene units squared]
   size_t degenerate = 0, duplicate = 0, welded = 0;
   uint64_t matrixBytes = 0;  // of F
+  size_t devices = 1;        // software devices that shared the rows
   uint32_t batch = 0;        // hemicubes per submission
   uint64_t deviceBytes = 0;  // device memory for batches
   std::optional<FormFactorChecks> checks;

@@ -4,6 +4,7 @@
 #include "base/output_file.h"
 #include "cli/report.h"
 #include "formfactor/raster.h"
+#include "formfactor/team.h"
 #include "output/output.h"
 #include "view/tone.h"
 #include "view/view.h"
@@ -14,6 +15,16 @@
 
 namespace farol {
 namespace {
+
+size_t coresFor(const Options& options) {
+  return options.threads > 0 ? static_cast<size_t>(options.threads)
+                             : std::max<size_t>(1, std::thread::hardware_concurrency());
+}
+
+// How many software devices share the rows, a thread or more each.
+size_t softwareDevices(const Options& options) {
+  return std::min<size_t>(coresFor(options), 8);
+}
 
 // One run of render, solve, factors or info: the stages in order, each leaving its result in a member.
 class Run {
@@ -114,19 +125,33 @@ class Run {
     report_.clock.finish("device");
   }
 
+  // Makes rows on the device; a software device gets company on machines with several cores.
+  std::unique_ptr<RowMaker> rowMaker(size_t batchesPerChunk) {
+    openDevice();
+    RasterOptions o;
+    o.resolution = options_.resolution;
+    o.projection = options_.projection;
+    o.positions = options_.positions;
+    o.seed = options_.seed;
+    const size_t team = device_->info().type == "CPU" ? softwareDevices(options_) : 1;
+    o.deviceMemory /= team;
+    while (helpers_.size() + 1 < team) helpers_.emplace_back(std::to_string(device_->info().index));
+    std::vector<std::unique_ptr<RowMaker>> makers;
+    for (size_t k = 0; k < team; ++k) {
+      auto maker = std::make_unique<RasterRowMaker>(k == 0 ? *device_ : helpers_[k - 1], facets_, patches_, o);
+      report_.batch = maker->batchSize();
+      report_.deviceBytes = team * maker->deviceBytes();
+      makers.push_back(std::move(maker));
+    }
+    report_.devices = team;
+    return std::make_unique<TeamRowMaker>(std::move(makers),
+                                          batchesPerChunk * report_.batch / static_cast<size_t>(options_.positions));
+  }
+
   uint64_t allowedBytes() const {
     if (options_.memory > 0) return options_.memory;
     const uint64_t free = availableMemoryBytes();
     return free > 0 ? free / 5 * 4 : UINT64_MAX;
-  }
-
-  RasterOptions rasterOptions() const {
-    RasterOptions r;
-    r.resolution = options_.resolution;
-    r.projection = options_.projection;
-    r.positions = options_.positions;
-    r.seed = options_.seed;
-    return r;
   }
 
   void makeF() {
@@ -138,12 +163,10 @@ class Run {
           "more with --memory",
           options_.scene, patches_.size(), static_cast<double>(least) * 1e-9, static_cast<double>(allowed) * 1e-9);
     }
-    openDevice();
     f_.emplace(patches_.size(), allowed);
-    RasterRowMaker maker(*device_, facets_, patches_, rasterOptions());
-    report_.batch = maker.batchSize();
-    report_.deviceBytes = maker.deviceBytes();
-    makeFormFactors(maker, patches_, maxChannel(options_.sky) > 0, log_, *f_);
+    // Chunks of several batches keep a device busy while the host stores rows, and are still small enough to share.
+    const std::unique_ptr<RowMaker> maker = rowMaker(3);
+    makeFormFactors(*maker, patches_, maxChannel(options_.sky) > 0, log_, *f_);
     countPatches();
     report_.matrixBytes = uint64_t{4} * patches_.size() * patches_.size();
     report_.clock.finish("form factors");
@@ -259,11 +282,11 @@ class Run {
     report_.matrixBytes = uint64_t{4} * patches_.frontPatchCount * patches_.size();
     say("form factors would take {:.4g} MB; {:.4g} MB are allowed", static_cast<double>(report_.matrixBytes) * 1e-6,
         static_cast<double>(allowedBytes()) * 1e-6);
-    openDevice();
-    RasterRowMaker maker(*device_, facets_, patches_, rasterOptions());
-    report_.batch = maker.batchSize();
-    report_.deviceBytes = maker.deviceBytes();
-    const size_t chunk = std::max<size_t>(1, maker.batchSize() / static_cast<uint32_t>(options_.positions));
+    const std::unique_ptr<RowMaker> maker = rowMaker(1);
+    const size_t chunk =
+        std::max<size_t>(1, report_.devices * report_.batch / static_cast<uint32_t>(options_.positions));
+    FormFactorMatrix warmUp(patches_.size());  // the first rows wait for the driver to compile shaders
+    maker->makeRows(std::vector<uint32_t>{0}, warmUp, [](size_t) {});
     size_t rows = 0;
     const Stopwatch watch;
     while (rows < patches_.frontPatchCount && watch.seconds() < kProbeSeconds) {
@@ -273,7 +296,7 @@ class Run {
         probe.push_back(static_cast<uint32_t>(rows * 7919 % patches_.frontPatchCount));
       }
       FormFactorMatrix store(patches_.size());
-      maker.makeRows(probe, store, [](size_t) {});
+      maker->makeRows(probe, store, [](size_t) {});
     }
     const double rate = static_cast<double>(rows) / watch.seconds();
     say("form factors would take {:.3g} s ({:.0f} rows/s measured on {} rows)",
@@ -282,8 +305,9 @@ class Run {
   }
 
   int finish() {
-    if (device_ && device_->validationMessages() > 0)
-      throw Error("the Vulkan validation layer gave {} messages", device_->validationMessages());
+    size_t messages = device_ ? device_->validationMessages() : 0;
+    for (const gpu::Device& helper : helpers_) messages += helper.validationMessages();
+    if (messages > 0) throw Error("the Vulkan validation layer gave {} messages", messages);
     report_.warnings = log_.warnings();
     if (!options_.report.empty()) {
       writeReport(options_.report, report_);
@@ -305,6 +329,7 @@ class Run {
   FacetSet facets_;
   PatchSet patches_;
   std::optional<gpu::Device> device_;
+  std::vector<gpu::Device> helpers_;  // the same software device again
   std::optional<FormFactorMatrix> f_;
   Solution solution_;
 };
@@ -333,9 +358,10 @@ int run(const Options& options) {
   std::optional<tbb::global_control> limit;
   if (options.threads > 0) {
     limit.emplace(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(options.threads));
-    setenv("LP_NUM_THREADS", std::to_string(options.threads).c_str(),
-           0);  // Mesa's software device has threads of its own
   }
+  // Mesa's software device would take all cores for itself: each of a team gets its share. Other drivers ignore this.
+  setenv("LP_NUM_THREADS", std::to_string(std::max<size_t>(1, coresFor(options) / softwareDevices(options))).c_str(),
+         0);
   return Run(options).execute();
 }
 

@@ -162,9 +162,7 @@ struct RasterRowMaker::Impl {
   }
 
   // Colour, depth and items per pixel; sums and two downloads per bin; lists of visible clusters.
-  uint64_t bytesPerLayer() const {
-    return uint64_t{12} * pixels + uint64_t{12} * bins + uint64_t{4} * drawCount();
-  }
+  uint64_t bytesPerLayer() const { return uint64_t{12} * pixels + uint64_t{12} * bins + uint64_t{4} * drawCount(); }
 
   uint64_t drawCount() const { return uint64_t{layout.faces.size()} * clusterCountOf(facets); }
 

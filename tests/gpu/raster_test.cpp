@@ -1,4 +1,5 @@
 #include "base/error.h"
+#include "formfactor/team.h"
 #include "raster_run.h"
 
 #include <cstring>
@@ -75,6 +76,57 @@ TEST(RasterRows, AreTheSameWithoutLayeredDrawing) {
   const RasterRun layered = made(room(), options);
   options.layered = false;
   expectSameRows(layered, made(room(), options), "one layer per pass");
+}
+
+TEST(RasterRows, AreTheSameFromATeamOfDevices) {
+  const RasterOptions options;
+  const RasterRun single = made(room(), options);
+  RasterRun shared(loadSurfaces(room()), {300, 0}, options);
+  const gpu::Device second(std::to_string(device().info().index));
+  std::vector<std::unique_ptr<RowMaker>> makers;
+  for (const gpu::Device* d : {&device(), &second}) {
+    makers.push_back(std::make_unique<RasterRowMaker>(*d, shared.facets, shared.patches, options));
+  }
+  TeamRowMaker team(std::move(makers), 40);
+  makeFormFactors(team, shared.patches, false, Log(true), shared.f);
+  expectSameRows(single, shared, "team");
+  EXPECT_EQ(second.validationMessages(), 0u);
+}
+
+// A maker that fails stops the others, and its error arrives; so does an interruption from outside.
+TEST(TeamRowMaker, PassesFailuresOn) {
+  struct Fake : RowMaker {
+    explicit Fake(bool f) : fails(f) {}
+    void makeRows(std::span<const uint32_t> patches, RowStore& store,
+                  const std::function<void(size_t)>& done) override {
+      for (const uint32_t p : patches) store.finish(p, {});
+      done(patches.size());
+      if (fails) throw Error("no more");
+    }
+    bool fails;
+  };
+  std::vector<uint32_t> all(1000);
+  for (const bool fails : {true, false}) {
+    std::vector<std::unique_ptr<RowMaker>> makers;
+    makers.push_back(std::make_unique<Fake>(false));
+    makers.push_back(std::make_unique<Fake>(fails));
+    TeamRowMaker team(std::move(makers), 1);
+    FormFactorMatrix f(1);
+    size_t last = 0;
+    const auto count = [&](size_t rows) { last = rows; };
+    if (fails) {
+      EXPECT_THROW(
+          {
+            for (int again = 0; again < 1000; ++again)
+              team.makeRows(all, f, count);  // until the second maker gets a share
+          },
+          Error);
+    } else {
+      team.makeRows(all, f, count);
+      EXPECT_EQ(last, all.size());
+      EXPECT_THROW(team.makeRows(all, f, [](size_t) { throw Interrupted(2); }), Interrupted);
+    }
+  }
 }
 
 TEST(RasterRows, ChangeWithTheSeedAndKeepTheirMean) {
