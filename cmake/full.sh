@@ -7,4 +7,4 @@ farol_more_packages="clang-tidy"
 sh cmake/test.sh
 cmake --build --preset asan
 ASAN_OPTIONS=detect_leaks=0 ctest --preset asan
-clang-tidy -p build/ci --quiet $(git ls-files 'src/*.cpp')
+git ls-files "src/*.cpp" | xargs -P "$(nproc)" -n 2 clang-tidy -p build/ci --quiet

@@ -21,8 +21,8 @@ using shader::toVec4;
 
 // Near distance, and the distance from a facet's plane at which the eye counts as lying in it, in unit coordinates.
 // Depth is a float in reversed z, so a tiny near distance costs no precision.
-constexpr float kNear = 1e-6f;
-constexpr float kEdgeOn = 4e-7f;                  // a few float32 roundings of points at most 0.5 from the centre
+constexpr double kNear = 1e-6;
+constexpr double kEdgeOn = 4e-7;                  // a few float32 roundings of points at most 0.5 from the centre
 constexpr double kFullHemisphere = 4294967295.0;  // 2^32 - 1, the sum of all delta form factors
 constexpr uint32_t kAllBacks = 0xFFFFFFFFu;       // a position that sees nothing but black backs lies inside a solid
 
