@@ -101,6 +101,7 @@ void writeReport(const std::string& path, const Report& r) {
                    {"absorbed", channels(e.absorbed)}, {"to_open", channels(e.toOpen)},
                    {"to_backs", channels(e.toBacks)},  {"relative_error", e.relativeError}};
   }
+  j["estimated_error"] = nullptr;  // no error estimate exists yet
   if (r.displayScale) j["display_scale"] = *r.displayScale;
   j["stages"] = json::array();
   uint64_t peak = peakMemoryBytes();

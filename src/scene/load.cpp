@@ -8,7 +8,6 @@
 #include <glm/gtc/quaternion.hpp>
 #include <glm/mat4x4.hpp>
 #include <glm/matrix.hpp>
-#include <map>
 #include <set>
 #include <utility>
 
@@ -135,9 +134,9 @@ class Loader {
         continue;
       }
       if (!primitive.targets.empty()) ++morphs_;
-      std::string name = k == 0 ? nodeName : fmt::format("{}#{}", nodeName, k + 1);
-      const size_t seen = ++names_[name];
-      if (seen > 1) name = fmt::format("{}~{}", name, seen);
+      const std::string plain = k == 0 ? nodeName : fmt::format("{}#{}", nodeName, k + 1);
+      std::string name = plain;
+      for (size_t number = 2; !names_.insert(name).second; ++number) name = fmt::format("{}~{}", plain, number);
       addSurface(primitive, mode, name, matrix);
     }
   }
@@ -355,7 +354,7 @@ class Loader {
   Log& log_;
   tinygltf::Model model_;
   Scene scene_;
-  std::map<std::string, size_t> names_;
+  std::set<std::string> names_;  // of surfaces so far
   size_t triangles_ = 0, linesAndPoints_ = 0, skins_ = 0, morphs_ = 0;
   double alphaArea_ = 0, roughMetalArea_ = 0;
 };

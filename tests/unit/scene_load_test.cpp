@@ -64,6 +64,17 @@ TEST(SceneLoader, NamesSurfacesByNodeAndPrimitive) {
   EXPECT_THAT(names, ::testing::ElementsAre("square", "square#2", "square~2", "square#2~2", "node2", "node2#2"));
 }
 
+TEST(SceneLoader, KeepsNamesUniqueEvenAgainstTheirOwnSuffix) {
+  json j = square();
+  j["nodes"].push_back({{"name", "square~2"}, {"mesh", 0}});
+  j["nodes"].push_back({{"name", "square"}, {"mesh", 0}});
+  j["scenes"][0]["nodes"] = {0, 1, 2};
+  std::vector<std::string> names;
+  const Scene scene = load(j);
+  for (const Surface& s : scene.surfaces) names.push_back(s.name);
+  EXPECT_THAT(names, ::testing::ElementsAre("square", "square~2", "square~3"));
+}
+
 TEST(SceneLoader, AppliesNodeTransformsAndFlipsMirroredOnes) {
   json j = square();
   j["nodes"][0]["scale"] = {2, 3, 1};
