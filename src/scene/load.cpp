@@ -116,15 +116,14 @@ class Loader {
       const tinygltf::Node& node = model_.nodes[index];
       const std::string name = node.name.empty() ? fmt::format("node{}", index) : node.name;
       const Mat4 matrix = parent * localMatrix(node, fmt::format("node '{}'", name));
-      if (node.mesh >= 0) addMesh(static_cast<size_t>(node.mesh), name, matrix);
-      if (node.skin >= 0) ++skins_;
+      if (node.mesh >= 0) addMesh(static_cast<size_t>(node.mesh), name, matrix, node.skin >= 0);
       if (node.camera >= 0) addCamera(model_.cameras[static_cast<size_t>(node.camera)], name, matrix);
       addLight(index, name, matrix);
       for (size_t k = node.children.size(); k-- > 0;) stack.emplace_back(static_cast<size_t>(node.children[k]), matrix);
     }
   }
 
-  void addMesh(size_t index, const std::string& nodeName, const Mat4& matrix) {
+  void addMesh(size_t index, const std::string& nodeName, const Mat4& matrix, bool skinned) {
     const tinygltf::Mesh& mesh = model_.meshes[index];
     for (size_t k = 0; k < mesh.primitives.size(); ++k) {
       const tinygltf::Primitive& primitive = mesh.primitives[k];
@@ -133,15 +132,17 @@ class Loader {
         ++linesAndPoints_;
         continue;
       }
-      if (!primitive.targets.empty()) ++morphs_;
       const std::string plain = k == 0 ? nodeName : fmt::format("{}#{}", nodeName, k + 1);
       std::string name = plain;
       for (size_t number = 2; !names_.insert(name).second; ++number) name = fmt::format("{}~{}", plain, number);
-      addSurface(primitive, mode, name, matrix);
+      const double area = addSurface(primitive, mode, name, matrix);
+      if (skinned) skinArea_ += area;
+      if (!primitive.targets.empty()) morphArea_ += area;
     }
   }
 
-  void addSurface(const tinygltf::Primitive& primitive, int mode, const std::string& name, const Mat4& matrix) {
+  // Returns the surface's area.
+  double addSurface(const tinygltf::Primitive& primitive, int mode, const std::string& name, const Mat4& matrix) {
     const std::string who = fmt::format("{}: surface '{}'", document_.path, name);
     Surface surface;
     surface.name = name;
@@ -152,9 +153,10 @@ class Loader {
     readTexcoords(primitive, who, surface);
     readColors(primitive, who, surface);
     readTriangles(primitive, mode, glm::determinant(matrix) < 0, who, surface);
-    checkMaterial(surface);
+    const double area = checkMaterial(surface);
     triangles_ += surface.triangles.size();
     if (!surface.triangles.empty()) scene_.surfaces.push_back(std::move(surface));
+    return area;
   }
 
   static int attribute(const tinygltf::Primitive& primitive, const char* key) {
@@ -247,7 +249,7 @@ class Loader {
     }
   }
 
-  void checkMaterial(const Surface& surface) {
+  double checkMaterial(const Surface& surface) {
     const Material& material = scene_.materials[surface.material];
     for (const TextureUse* use : {&material.baseTexture, &material.metallicRoughnessTexture, &material.emissionTexture,
                                   &material.transmissionTexture}) {
@@ -269,6 +271,7 @@ class Loader {
         !material.exactSpecular) {
       roughMetalArea_ += area;
     }
+    return area;
   }
 
   void addCamera(const tinygltf::Camera& source, const std::string& nodeName, const Mat4& matrix) {
@@ -336,8 +339,10 @@ class Loader {
   void sayWhatWasLeftOut() {
     if (linesAndPoints_ > 0)
       log_.note(fmt::format("{} primitives of points or lines were skipped: they have no area", linesAndPoints_));
-    if (skins_ > 0) log_.note(fmt::format("{} skinned nodes are taken in their rest pose", skins_));
-    if (morphs_ > 0) log_.note(fmt::format("{} primitives with morph targets are taken without them", morphs_));
+    if (skinArea_ > 0)
+      log_.note(fmt::format("skinned meshes ({:.4g} square units) are taken in their rest pose", skinArea_));
+    if (morphArea_ > 0)
+      log_.note(fmt::format("meshes with morph targets ({:.4g} square units) are taken without them", morphArea_));
     if (alphaArea_ > 0)
       log_.note(fmt::format("surfaces with alpha ({:.4g} square units) are taken as opaque", alphaArea_));
     if (roughMetalArea_ > 0) {
@@ -355,8 +360,8 @@ class Loader {
   tinygltf::Model model_;
   Scene scene_;
   std::set<std::string> names_;  // of surfaces so far
-  size_t triangles_ = 0, linesAndPoints_ = 0, skins_ = 0, morphs_ = 0;
-  double alphaArea_ = 0, roughMetalArea_ = 0;
+  size_t triangles_ = 0, linesAndPoints_ = 0;
+  double skinArea_ = 0, morphArea_ = 0, alphaArea_ = 0, roughMetalArea_ = 0;
 };
 
 }  // namespace
