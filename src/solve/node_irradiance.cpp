@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <glm/vector_relational.hpp>
+#include <unordered_set>
 
 namespace farol {
 namespace {
@@ -16,6 +17,25 @@ constexpr double kSmoothNormal = 0.99, kSmoothFold = 0.5;
 uint32_t nodeNumber(const CellGrid& g, bool parallelogram, uint32_t i, uint32_t j) {
   if (parallelogram) return j * (g.nu + 1) + i;
   return j * (g.nu + 1) - j * (j - 1) / 2 + i;  // rows of n+1, n, n-1, ... nodes; j (j - 1) is 0 for j = 0
+}
+
+// Value at (u,v) from the nodes of a grid: bilinear within a parallelogram's cell, linear within a triangle's.
+Rgb interpolate(const CellGrid& g, bool parallelogram, const Rgb* nodes, double u, double v) {
+  const auto node = [&](uint32_t i, uint32_t j) -> const Rgb& { return nodes[nodeNumber(g, parallelogram, i, j)]; };
+  const double x = std::clamp(u, 0.0, 1.0) * g.nu, y = std::clamp(v, 0.0, 1.0) * g.nv;
+  const uint32_t j = std::min(static_cast<uint32_t>(y), g.nv - 1);
+  if (parallelogram) {
+    const uint32_t i = std::min(static_cast<uint32_t>(x), g.nu - 1);
+    const double s = x - i, t = y - j;
+    return (1 - t) * ((1 - s) * node(i, j) + s * node(i + 1, j)) +
+           t * ((1 - s) * node(i, j + 1) + s * node(i + 1, j + 1));
+  }
+  const uint32_t i = std::min(static_cast<uint32_t>(x), g.nu - 1 - j);
+  const double s = x - i, t = y - j;
+  if (s + t <= 1 || i + j + 1 >= g.nu)
+    return node(i, j) + s * (node(i + 1, j) - node(i, j)) + t * (node(i, j + 1) - node(i, j));
+  const Rgb& far = node(i + 1, j + 1);
+  return far + (1 - s) * (node(i, j + 1) - far) + (1 - t) * (node(i + 1, j) - far);
 }
 
 struct Sum {
@@ -32,26 +52,44 @@ class Builder {
   void run(std::vector<uint32_t>& firstNode, std::vector<Rgb>& values) {
     groupByPlane();
     firstNode.assign(2 * facets_.facets.size(), kNone);
-    std::vector<uint32_t> clusterOf;
     for (uint32_t side = 0; side < firstNode.size(); ++side) {
-      const uint32_t facet = side / 2;
-      const bool back = side % 2 == 1;
-      if (!hasPatches(facet, back)) continue;
-      firstNode[side] = static_cast<uint32_t>(clusterOf.size());
-      addNodes(facet, back, clusterOf);
+      if (!hasPatches(side / 2, side % 2 == 1)) continue;
+      firstNode[side] = static_cast<uint32_t>(nodes_.size());
+      addNodes(side / 2, side % 2 == 1);
     }
-    for (const uint32_t cluster : clusterOf) {
-      const Sum& s = clusters_[cluster].sum;
-      values.push_back(s.weight > 0 ? s.value / s.weight : Rgb(0));
+    values = valuesOfNodes();
+    for (const Node& node : nodes_) {
+      if (node.border) addAcrossBorder(node, firstNode, values);
     }
+    for (Cluster& cluster : clusters_) {
+      cluster.sum.value += cluster.across.value;
+      cluster.sum.weight += cluster.across.weight;
+    }
+    values = valuesOfNodes();
   }
 
  private:
   struct Cluster {
     Vec3 shading, geometric;
-    Sum sum;
+    Sum sum, across;        // from cells around the point; from neighbours without a node here
     uint32_t next = kNone;  // another cluster at the same point
   };
+
+  struct Node {
+    uint32_t cluster, facet;
+    bool back, border;
+    Vec3 point;
+  };
+
+  std::vector<Rgb> valuesOfNodes() const {
+    std::vector<Rgb> values;
+    values.reserve(nodes_.size());
+    for (const Node& node : nodes_) {
+      const Sum& s = clusters_[node.cluster].sum;
+      values.push_back(s.weight > 0 ? s.value / s.weight : Rgb(0));
+    }
+    return values;
+  }
 
   bool hasPatches(uint32_t facet, bool back) const {
     const CellGrid& g = patches_.grids[facet];
@@ -59,7 +97,7 @@ class Builder {
     return first != kNone && patches_.cellMap[first] != kNone;
   }
 
-  void addNodes(uint32_t facet, bool back, std::vector<uint32_t>& clusterOf) {
+  void addNodes(uint32_t facet, bool back) {
     const Facet& f = facets_.facets[facet];
     const CellGrid& g = patches_.grids[facet];
     for (uint32_t j = 0; j <= g.nv; ++j) {
@@ -69,11 +107,9 @@ class Builder {
         const Vec3 p = facets_.point(f, u, v);
         const double sign = back ? -1 : 1;
         const uint32_t cluster = clusterAt(p, sign * shadingNormal(f, u, v), sign * f.normal);
-        Sum& sum = clusters_[cluster].sum;
-        addCells(facet, back, u, v, sum);
+        addCells(facet, back, u, v, clusters_[cluster].sum);
         const bool border = i == 0 || j == 0 || i == width || (f.parallelogram && j == g.nv);
-        if (border) addAcrossBorder(facet, back, p, sum);
-        clusterOf.push_back(cluster);
+        nodes_.push_back({cluster, facet, back, border, p});
       }
     }
   }
@@ -96,7 +132,7 @@ class Builder {
           glm::dot(clusters_[c].geometric, geometric) > kSmoothFold)
         return c;
     }
-    clusters_.push_back({shading, geometric, {}, firstCluster_[point]});
+    clusters_.push_back({shading, geometric, {}, {}, firstCluster_[point]});
     firstCluster_[point] = static_cast<uint32_t>(clusters_.size() - 1);
     return firstCluster_[point];
   }
@@ -149,22 +185,30 @@ class Builder {
     }
   }
 
-  // Where a neighbour in the same plane has no node of its own at p (its grid is coarser, or its edge longer),
-  // its cells that touch p join the mean, so that no seam shows along the border.
-  void addAcrossBorder(uint32_t facet, bool back, const Vec3& p, Sum& sum) const {
-    const Plane& plane = inPlane_[planeOf_[facet]];
+  // Where a neighbour in the same plane has no node of its own (its grid is coarser, or its edge longer), what it shows
+  // there by its own nodes joins the mean, so that the two sides agree along the border to second order.
+  void addAcrossBorder(const Node& node, const std::vector<uint32_t>& firstNode, const std::vector<Rgb>& values) {
+    const Vec3& p = node.point;
+    const Plane& plane = inPlane_[planeOf_[node.facet]];
     if (plane.boxes.size() < 2) return;
     const double at = p.x + p.y + p.z;
     auto box = std::lower_bound(plane.boxes.begin(), plane.boxes.end(), at - plane.longest,
                                 [](const Box& b, double value) { return b.low.x + b.low.y + b.low.z < value; });
     for (; box != plane.boxes.end() && box->low.x + box->low.y + box->low.z <= at; ++box) {
-      if (box->facet == facet || !hasPatches(box->facet, back)) continue;
+      if (box->facet == node.facet || !hasPatches(box->facet, node.back)) continue;
       if (glm::any(glm::lessThan(p, box->low)) || glm::any(glm::greaterThan(p, box->high))) continue;
-      const Vec2 uv = coordinatesOf(facets_.facets[box->facet], p);
+      const Facet& neighbour = facets_.facets[box->facet];
       const CellGrid& g = patches_.grids[box->facet];
-      const double nodeU = uv.x * g.nu - std::round(uv.x * g.nu), nodeV = uv.y * g.nv - std::round(uv.y * g.nv);
-      if (std::abs(nodeU) < 1e-3 && std::abs(nodeV) < 1e-3) continue;  // it has a node here: shared already
-      addCells(box->facet, back, uv.x, uv.y, sum);
+      const Vec2 uv = coordinatesOf(neighbour, p);
+      const Vec3 nearest = facets_.point(neighbour, std::round(uv.x * g.nu) / g.nu, std::round(uv.y * g.nv) / g.nv);
+      if (glm::distance(nearest, p) <= kWeldTolerance) continue;  // it has a node here: one cluster already
+      if (!seenAcross_.insert(uint64_t{node.cluster} << 32 | box->facet).second) continue;
+      Sum cells;  // of the neighbour at p: their angle is its weight
+      addCells(box->facet, node.back, uv.x, uv.y, cells);
+      const uint32_t first = firstNode[2 * box->facet + (node.back ? 1 : 0)];
+      Sum& across = clusters_[node.cluster].across;
+      across.value += cells.weight * interpolate(g, neighbour.parallelogram, values.data() + first, uv.x, uv.y);
+      across.weight += cells.weight;
     }
   }
 
@@ -195,7 +239,9 @@ class Builder {
   PointWelder welder_;
   std::vector<uint32_t> firstCluster_;  // per welded point
   std::vector<Cluster> clusters_;
-  std::vector<uint32_t> planeOf_;  // per facet
+  std::vector<Node> nodes_;
+  std::unordered_set<uint64_t> seenAcross_;  // (cluster, facet) pairs that have been added
+  std::vector<uint32_t> planeOf_;            // per facet
   std::vector<Plane> inPlane_;
 };
 
@@ -208,26 +254,8 @@ NodeIrradiance::NodeIrradiance(const Scene& scene, const FacetSet& facets, const
 }
 
 Rgb NodeIrradiance::at(uint32_t facet, bool back, double u, double v) const {
-  const bool parallelogram = facets_.facets[facet].parallelogram;
-  const CellGrid& g = patches_.grids[facet];
   const uint32_t first = firstNode_[2 * facet + (back ? 1 : 0)];
-  const auto node = [&](uint32_t i, uint32_t j) -> const Rgb& {
-    return values_[first + nodeNumber(g, parallelogram, i, j)];
-  };
-  const double x = std::clamp(u, 0.0, 1.0) * g.nu, y = std::clamp(v, 0.0, 1.0) * g.nv;
-  const uint32_t j = std::min(static_cast<uint32_t>(y), g.nv - 1);
-  if (parallelogram) {
-    const uint32_t i = std::min(static_cast<uint32_t>(x), g.nu - 1);
-    const double s = x - i, t = y - j;
-    return (1 - t) * ((1 - s) * node(i, j) + s * node(i + 1, j)) +
-           t * ((1 - s) * node(i, j + 1) + s * node(i + 1, j + 1));
-  }
-  const uint32_t i = std::min(static_cast<uint32_t>(x), g.nu - 1 - j);
-  const double s = x - i, t = y - j;
-  if (s + t <= 1 || i + j + 1 >= g.nu)
-    return node(i, j) + s * (node(i + 1, j) - node(i, j)) + t * (node(i, j + 1) - node(i, j));
-  const Rgb& far = node(i + 1, j + 1);
-  return far + (1 - s) * (node(i, j + 1) - far) + (1 - t) * (node(i + 1, j) - far);
+  return interpolate(patches_.grids[facet], facets_.facets[facet].parallelogram, values_.data() + first, u, v);
 }
 
 }  // namespace farol

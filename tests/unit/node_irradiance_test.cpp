@@ -17,6 +17,13 @@ struct Field {
     nodes.emplace_back(scene, facets, patches, nullptr, irradiance);
   }
   double at(uint32_t facet, double u, double v) const { return nodes[0].at(facet, false, u, v).r; }
+  // At a point of a rectangular facet [scene units].
+  double valueAt(uint32_t facet, const Vec3& p) const {
+    const Facet& t = facets.facets[facet];
+    const Vec3 o = facets.points[t.corners[0]], a = facets.points[t.corners[1]] - o, b = facets.points[t.vCorner()] - o;
+    const Vec3 d = facets.frame.toUnit(p) - o;
+    return at(facet, glm::dot(d, a) / glm::dot(a, a), glm::dot(d, b) / glm::dot(b, b));
+  }
   Scene scene;
   FacetSet facets;
   PatchSet patches;
@@ -50,14 +57,26 @@ TEST(NodeIrradiance, HasNoSeamBetweenFacetsOfOnePlane) {
   const Field f({{"left", {{{0, 0, 0}, {1, 0, 0}, {1, 2, 0}, {0, 2, 0}}}},
                  {"right", {{{1, 0.3, 0}, {2, 0.3, 0}, {2, 1.6, 0}, {1, 1.6, 0}}}}},
                 400, [](const Vec3& p) { return 1 + p.x + 0.5 * p.y; });
-  const auto valueAt = [&](uint32_t facet, const Vec3& p) {
-    const Facet& t = f.facets.facets[facet];
-    const Vec3 o = f.facets.points[t.corners[0]], a = f.facets.points[t.corners[1]] - o,
-               b = f.facets.points[t.vCorner()] - o, d = f.facets.frame.toUnit(p) - o;
-    return f.at(facet, glm::dot(d, a) / glm::dot(a, a), glm::dot(d, b) / glm::dot(b, b));
-  };
   for (double y = 0.4; y < 1.5; y += 0.013)
-    EXPECT_NEAR(valueAt(0, {1, y, 0}), valueAt(1, {1, y, 0}), 0.03) << y;  // the two sides' cells differ by 0.1
+    EXPECT_NEAR(f.valueAt(0, {1, y, 0}), f.valueAt(1, {1, y, 0}), 0.03) << y;  // the two sides' cells differ by 0.1
+}
+
+// Grids that almost agree (edges of 1 and 2.003, 10 and 20 cells): nodes that nearly coincide share their cells, too.
+TEST(NodeIrradiance, HasNoSeamWhereNodesNearlyCoincide) {
+  const Field f({{"left", {{{0, 0, 0}, {1, 0, 0}, {1, 2.003, 0}, {0, 2.003, 0}}}},
+                 {"right", {{{1, 0, 0}, {2, 0, 0}, {2, 1, 0}, {1, 1, 0}}}}},
+                300, [](const Vec3& p) { return 1 + p.x; });
+  const auto across = [&](double y) { return f.valueAt(0, {1, y, 0}) - f.valueAt(1, {1, y, 0}); };
+  // (not along the last cell: beyond the corner at y = 1 the left one has no neighbour)
+  for (double y = 0; y < 0.88; y += 0.01) EXPECT_NEAR(across(y), 0, 1e-3) << y;  // the two sides' cells differ by 0.1
+}
+
+// Grids of different steps on one line: the field that both sides follow is linear along it, and so are they.
+TEST(NodeIrradiance, HasNoSeamBetweenGridsOfDifferentSteps) {
+  const Field f({{"left", {{{0, 0, 0}, {1, 0, 0}, {1, 2.6, 0}, {0, 2.6, 0}}}},
+                 {"right", {{{1, 0, 0}, {2, 0, 0}, {2, 1.13, 0}, {1, 1.13, 0}}}}},
+                200, [](const Vec3& p) { return 1 + p.y; });
+  for (double y = 0.2; y < 0.9; y += 0.01) EXPECT_NEAR(f.valueAt(0, {1, y, 0}), f.valueAt(1, {1, y, 0}), 1e-3) << y;
 }
 
 // A crease stays sharp: floor and wall meet with their own values.
