@@ -133,7 +133,11 @@ class Run {
     o.projection = options_.projection;
     o.positions = options_.positions;
     o.seed = options_.seed;
-    const size_t team = device_->info().type == "CPU" ? softwareDevices(options_) : 1;
+    // Setting up a device takes as long as some hundred hemicubes: small jobs do with fewer.
+    constexpr size_t kWorthADevice = 1000;  // hemicubes
+    const size_t worthwhile = patches_.frontPatchCount * static_cast<size_t>(options_.positions) / kWorthADevice;
+    const size_t team =
+        device_->info().type == "CPU" ? std::clamp<size_t>(worthwhile, 1, softwareDevices(options_)) : 1;
     o.deviceMemory /= team;
     while (helpers_.size() + 1 < team) helpers_.emplace_back(std::to_string(device_->info().index));
     std::vector<std::unique_ptr<RowMaker>> makers;
