@@ -35,7 +35,8 @@ FAROL_CONST kBindingCullDraws = 4;  // uint [faces x clusters x 5], indexed indi
 FAROL_CONST kCullBindingCount = 5;
 FAROL_CONST kCullGroupSize = 64;
 
-// Bindings of the reduction, set 0.
+// Bindings of the reduction, set 0. An item is a cell's number; the number of cells for nothing seen; one more for a
+// black back.
 FAROL_CONST kBindingItems = 0;         // uint [layers x pixels], item seen by each pixel
 FAROL_CONST kBindingDeltaFactors = 1;  // uint [pixels], delta form factors that sum to 2^32 - 1
 FAROL_CONST kBindingItemBins = 2;      // uint [cells + 2], item -> bin: the cell map, then the bins of the two below
@@ -46,7 +47,6 @@ FAROL_CONST kReduceGroupSize = 64;      // lanes per workgroup
 FAROL_CONST kReducePixelsPerLane = 16;  // consecutive pixels that one lane walks as runs
 
 FAROL_CONST kNoCell = 0xFFFFFFFFu;  // FacetRecord::backCell of a facet whose back is black
-// Items: a cell's number; the number of cells for nothing seen; one more for a black back.
 FAROL_CONST kBackBit = 0x80000000u;  // set in the view's facet ids where a back side is seen
 
 // A facet as the shaders need it (32 bytes).

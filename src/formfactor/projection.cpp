@@ -1,5 +1,7 @@
 #include "formfactor/projection.h"
 
+#include "formfactor/analytic.h"
+
 #include <algorithm>
 #include <numeric>
 
@@ -32,13 +34,6 @@ void addFace(std::vector<double>& atlas, uint32_t atlasWidth, const ProjectionFa
           corner(x1, y1) - corner(x0, y1) - corner(x1, y0) + corner(x0, y0);
     }
   }
-}
-
-// Contribution of the directed edge a -> b to the Lambert contour sum around `normal` (see analytic.h).
-double lambertEdge(const Vec3& normal, const Vec3& a, const Vec3& b) {
-  const Vec3 cross = glm::cross(a, b);
-  const double length = glm::length(cross);
-  return length > 0 ? std::atan2(length, glm::dot(a, b)) * glm::dot(normal, cross) / length / (2 * kPi) : 0;
 }
 
 void addTetrahedronFace(std::vector<double>& atlas, uint32_t atlasWidth, const ProjectionFace& face) {

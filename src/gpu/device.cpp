@@ -365,8 +365,5 @@ const Limits& Device::limits() const {
 size_t Device::validationMessages() const {
   return impl_->messages;
 }
-void Device::waitIdle() const {
-  check(impl_->vk.vkDeviceWaitIdle(impl_->device), "wait for the device");
-}
 
 }  // namespace farol::gpu

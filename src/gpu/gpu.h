@@ -43,7 +43,6 @@ class Device {
   const DeviceInfo& info() const;
   const Limits& limits() const;
   size_t validationMessages() const;
-  void waitIdle() const;
 
   struct Impl;
   Impl& impl() const { return *impl_; }
