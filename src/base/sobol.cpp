@@ -1,0 +1,46 @@
+#include "base/sobol.h"
+
+#include <cstddef>
+
+namespace farol {
+namespace {
+
+using Directions = std::array<std::array<uint32_t, 32>, 4>;
+
+Directions makeDirections() {
+  struct Primitive {  // polynomial and first direction numbers of a dimension
+    uint32_t degree, inner;
+    std::array<uint32_t, 3> first;
+  };
+  constexpr Primitive kPrimitives[3] = {{1, 0, {1, 0, 0}}, {2, 1, {1, 3, 0}}, {3, 1, {1, 3, 1}}};
+  Directions v{};
+  for (uint32_t k = 0; k < 32; ++k) v[0][k] = 1u << (31 - k);
+  for (size_t d = 1; d < 4; ++d) {
+    const Primitive& p = kPrimitives[d - 1];
+    for (uint32_t k = 0; k < 32; ++k) {
+      if (k < p.degree) {
+        v[d][k] = p.first[k] << (31 - k);
+        continue;
+      }
+      v[d][k] = v[d][k - p.degree] ^ (v[d][k - p.degree] >> p.degree);
+      for (uint32_t l = 1; l < p.degree; ++l) {
+        if ((p.inner >> (p.degree - 1 - l) & 1) != 0) v[d][k] ^= v[d][k - l];
+      }
+    }
+  }
+  return v;
+}
+
+}  // namespace
+
+std::array<uint32_t, 4> sobolPoint(uint32_t number) {
+  static const Directions directions = makeDirections();
+  std::array<uint32_t, 4> x{};
+  for (size_t k = 0; number != 0; number >>= 1, ++k) {
+    if ((number & 1) == 0) continue;
+    for (size_t d = 0; d < 4; ++d) x[d] ^= directions[d][k];
+  }
+  return x;
+}
+
+}  // namespace farol
