@@ -18,6 +18,11 @@ farol_require(glm libglm-dev "vectors and matrices")
 farol_require(CLI11 libcli11-dev "command-line options")
 farol_require(Eigen3 libeigen3-dev "dense linear algebra" NO_MODULE)
 farol_require(TBB libtbb-dev "threads")
+# Embree 4 where it is installed, else 3 (Debian 12).
+find_package(embree 4 CONFIG QUIET)
+if(NOT embree_FOUND)
+  farol_require(embree libembree-dev "ray tracing" 3 CONFIG)
+endif()
 # OpenEXR's CMake package also looks for its Python bindings, which the -dev package does not need; stb has none.
 pkg_check_modules(OPENEXR IMPORTED_TARGET OpenEXR)
 pkg_check_modules(STB IMPORTED_TARGET stb)
