@@ -11,16 +11,26 @@ double lambertEdge(const Vec3& normal, const Vec3& a, const Vec3& b) {
 }
 
 double pointToPolygon(const Vec3& point, const Vec3& normal, std::span<const Vec3> polygon) {
-  // Clip to the upper half space first (Sutherland and Hodgman 1974, one plane).
-  std::vector<Vec3> clipped;
-  for (size_t k = 0; k < polygon.size(); ++k) {
-    const Vec3 a = polygon[k] - point, b = polygon[(k + 1) % polygon.size()] - point;
-    const double ha = glm::dot(normal, a), hb = glm::dot(normal, b);
-    if (ha >= 0) clipped.push_back(a);
-    if ((ha > 0 && hb < 0) || (ha < 0 && hb > 0)) clipped.push_back(a + ha / (ha - hb) * (b - a));
-  }
+  // Clip to the upper half space on the way (Sutherland and Hodgman 1974, one plane): a convex polygon gains one edge,
+  // from where it leaves the half space to where it enters again; any other gains one edge per visit.
   double sum = 0;
-  for (size_t k = 0; k < clipped.size(); ++k) sum += lambertEdge(normal, clipped[k], clipped[(k + 1) % clipped.size()]);
+  Vec3 first(0), last(0);
+  bool started = false;
+  const auto visit = [&](const Vec3& v) {
+    if (started)
+      sum += lambertEdge(normal, last, v);
+    else
+      first = v;
+    started = true;
+    last = v;
+  };
+  for (size_t k = 0; k < polygon.size(); ++k) {
+    const Vec3 a = polygon[k] - point, b = polygon[k + 1 < polygon.size() ? k + 1 : 0] - point;
+    const double ha = glm::dot(normal, a), hb = glm::dot(normal, b);
+    if (ha >= 0) visit(a);
+    if ((ha > 0 && hb < 0) || (ha < 0 && hb > 0)) visit(a + ha / (ha - hb) * (b - a));
+  }
+  if (started) sum += lambertEdge(normal, last, first);
   return std::max(0.0, -sum);  // seen from the counted side the vertices run clockwise around the direction of sight
 }
 

@@ -9,32 +9,77 @@
 
 namespace farol {
 
-std::span<float> FormFactorMatrix::row(uint32_t patch) {
-  const uint64_t rowBytes = rows_.size() * sizeof(float);
-  if (rows_[patch].empty() && (std::atomic_ref(bytes_) += rowBytes) > maxBytes_) {
+double FormFactorRow::at(size_t j) const {
+  if (!dense.empty()) return static_cast<double>(dense[j]);
+  return static_cast<double>(weight) * static_cast<double>(std::count(ids.begin(), ids.end(), j));
+}
+
+std::vector<float> FormFactorRow::expanded() const {
+  std::vector<float> row(dense.begin(), dense.end());
+  if (row.empty()) {
+    row.resize(patches);
+    std::vector<uint32_t> counts(patches + 1, 0);
+    for (const uint32_t j : ids) ++counts[j];
+    for (size_t j = 0; j < patches; ++j) row[j] = static_cast<float>(counts[j]) * weight;
+  }
+  return row;
+}
+
+void FormFactorMatrix::book(uint64_t rowBytes) {
+  if ((std::atomic_ref(bytes_) += rowBytes) > maxBytes_) {
     throw Error(
         "form factors of {} patches do not fit: more than {} rows of {} bytes would exceed the {} bytes allowed; "
         "ask for fewer patches, or allow more with --memory",
         rows_.size(), maxBytes_ / rowBytes, rowBytes, maxBytes_);
   }
-  rows_[patch].resize(rows_.size());
-  return rows_[patch];
+}
+
+std::span<float> FormFactorMatrix::row(uint32_t patch) {
+  std::vector<float>& dense = rows_[patch].dense;
+  if (dense.empty()) book(rows_.size() * sizeof(float));
+  dense.resize(rows_.size());
+  return dense;
+}
+
+void FormFactorMatrix::hits(uint32_t patch, std::span<const uint32_t> ids, float weight) {
+  Row& row = rows_[patch];
+  // A list costs a random access per hit where a dense row is read straight through: it must be much shorter.
+  constexpr size_t kWorthAList = 4;
+  if (kWorthAList * ids.size() > rows_.size()) {
+    const std::vector<float> dense = FormFactorRow{{}, ids, weight, rows_.size()}.expanded();
+    const std::span<float> to = this->row(patch);
+    std::copy(dense.begin(), dense.end(), to.begin());
+    return;
+  }
+  if (row.ids.empty()) book(ids.size_bytes());
+  row.ids.assign(ids.begin(), ids.end());
+  row.weight = weight;
 }
 
 double FormFactorMatrix::rowSum(size_t patch) const {
-  return std::accumulate(rows_[patch].begin(), rows_[patch].end(), 0.0);
+  const Row& r = rows_[patch];
+  if (!r.dense.empty()) return std::accumulate(r.dense.begin(), r.dense.end(), 0.0);
+  const auto nothing = static_cast<uint32_t>(rows_.size());
+  return static_cast<double>(r.weight) * static_cast<double>(std::count_if(
+             r.ids.begin(), r.ids.end(), [nothing](uint32_t j) { return j != nothing; }));
 }
 
 void FormFactorMatrix::keep(const std::vector<uint32_t>& patches) {
-  std::vector<std::vector<float>> rows;
+  const auto nothing = static_cast<uint32_t>(patches.size());
+  std::vector<uint32_t> renumbered(rows_.size() + 1, nothing);
+  for (uint32_t k = 0; k < patches.size(); ++k) renumbered[patches[k]] = k;
+  std::vector<Row> rows;
   std::vector<RowShares> shares;
   rows.reserve(patches.size());
   for (const uint32_t p : patches) {
-    std::vector<float> row;
-    if (!rows_[p].empty()) {
-      row.reserve(patches.size());
-      for (const uint32_t q : patches) row.push_back(rows_[p][q]);
+    Row row;
+    if (!rows_[p].dense.empty()) {
+      row.dense.reserve(patches.size());
+      for (const uint32_t q : patches) row.dense.push_back(rows_[p].dense[q]);
     }
+    row.ids = std::move(rows_[p].ids);
+    for (uint32_t& j : row.ids) j = renumbered[j];
+    row.weight = rows_[p].weight;
     rows_[p] = {};
     rows.push_back(std::move(row));
     shares.push_back(shares_[p]);
@@ -43,7 +88,7 @@ void FormFactorMatrix::keep(const std::vector<uint32_t>& patches) {
   shares_ = std::move(shares);
 }
 
-void makeFormFactors(RowMaker& maker, PatchSet& patches, bool sky, const Log& log, FormFactorMatrix& f) {
+std::vector<uint32_t> makeFormFactors(RowMaker& maker, PatchSet& patches, bool sky, const Log& log, FormFactorMatrix& f) {
   std::vector<bool> active(patches.size(), false);
   std::vector<uint32_t> all, next;
   for (uint32_t i = 0; i < patches.size(); ++i) {
@@ -59,40 +104,94 @@ void makeFormFactors(RowMaker& maker, PatchSet& patches, bool sky, const Log& lo
     // Whatever the new rows see and nobody has asked for yet comes next.
     std::vector<uint32_t> found;
     for (const uint32_t i : next) {
-      const auto row = f[i];
-      for (uint32_t j = 0; j < row.size(); ++j) {
-        if (row[j] > 0 && !active[j]) {
-          active[j] = true;
-          found.push_back(j);
-        }
-      }
+      f[i].forEach([&](size_t j, double) {
+        if (active[j]) return;
+        active[j] = true;
+        found.push_back(static_cast<uint32_t>(j));
+      });
     }
     std::sort(found.begin(), found.end());
     progress.growTotal(found.size());
     next = std::move(found);
   }
-  if (all.size() < patches.size()) {
-    std::sort(all.begin(), all.end());
-    f.keep(all);
-    keepPatches(patches, all);
-  }
+  if (all.size() == patches.size()) return {};
+  std::sort(all.begin(), all.end());
+  f.keep(all);
+  keepPatches(patches, all);
+  return all;
 }
+
+namespace {
+
+// All that takes pairs of patches: both directions of a pair side by side, for an even choice of patches.
+void checkPairs(const FormFactorMatrix& f, const PatchSet& patches, FormFactorChecks& c) {
+  constexpr size_t kMost = 512;
+  const size_t n = f.size(), m = std::min(n, kMost);
+  std::vector<uint32_t> chosen(m), placeOf(n, kNone);
+  for (size_t k = 0; k < m; ++k) {
+    chosen[k] = static_cast<uint32_t>(k * n / m);
+    placeOf[chosen[k]] = static_cast<uint32_t>(k);
+  }
+  std::vector<float> block(m * m, 0.0f);
+  tbb::parallel_for(size_t{0}, m, [&](size_t k) {
+    const FormFactorRow row = f[chosen[k]];
+    if (!row.dense.empty()) {
+      for (size_t l = 0; l < m; ++l) block[k * m + l] = row.dense[chosen[l]];
+    } else {
+      row.forEach([&](size_t j, double value) {
+        if (placeOf[j] != kNone) block[k * m + placeOf[j]] += static_cast<float>(value);
+      });
+    }
+  });
+  struct Part {
+    double difference = 0, size = 0, smallest = 0, largest = 0, worstArea = 0;
+    size_t worst = 0;
+  };
+  std::vector<Part> parts(m);
+  const auto areaOf = [&](size_t k) { return patches.patches[chosen[k]].area * f.shares(chosen[k]).exposed; };
+  std::vector<double> area(m);
+  for (size_t k = 0; k < m; ++k) area[k] = areaOf(k);
+  tbb::parallel_for(size_t{0}, m, [&](size_t k) {
+    if (!f[chosen[k]].made()) return;
+    Part& part = parts[k];
+    for (size_t l = 0; l < m; ++l) {
+      if (!f[chosen[l]].made()) continue;
+      const auto value = static_cast<double>(block[k * m + l]);
+      const double kl = area[k] * value, lk = area[l] * static_cast<double>(block[l * m + k]);
+      part.difference += (kl - lk) * (kl - lk);
+      part.size += kl * kl;
+      part.smallest = std::min(part.smallest, value);
+      part.largest = std::max(part.largest, value);
+      const double bound = std::min(area[k], area[l]);
+      if (kl > part.worstArea * bound && bound > 0) {
+        part.worstArea = kl / bound;
+        part.worst = l;
+      }
+    }
+  });
+  double difference = 0, size = 0;
+  for (size_t k = 0; k < m; ++k) {
+    difference += parts[k].difference;
+    size += parts[k].size;
+    c.smallest = std::min(c.smallest, parts[k].smallest);
+    c.largest = std::max(c.largest, parts[k].largest);
+    if (parts[k].worstArea > c.worstArea) {
+      c.worstArea = parts[k].worstArea;
+      c.worstFrom = chosen[k];
+      c.worstTo = chosen[parts[k].worst];
+    }
+  }
+  c.pairPatches = m;
+  if (size > 0) c.reciprocityRms = std::sqrt(difference / size);
+}
+
+}  // namespace
 
 FormFactorChecks checkFormFactors(const FormFactorMatrix& f, const PatchSet& patches) {
   FormFactorChecks c;
   const size_t n = f.size();
-  std::vector<double> sums(n), difference(n), size(n);
-  tbb::parallel_for(size_t{0}, n, [&](size_t i) {
-    sums[i] = f.rowSum(i);
-    if (f[i].empty()) return;
-    for (size_t j = 0; j < n; ++j) {
-      if (f[j].empty()) continue;
-      const double ij = patches.patches[i].area * static_cast<double>(f[i][j]);
-      const double ji = patches.patches[j].area * static_cast<double>(f[j][i]);
-      difference[i] += (ij - ji) * (ij - ji);
-      size[i] += ij * ij;
-    }
-  });
+  std::vector<double> sums(n);
+  tbb::parallel_for(size_t{0}, n, [&](size_t i) { sums[i] = f.rowSum(i); });
   c.rowSumMin = 1e300;
   c.rowSumMax = -1e300;
   double area = 0, exposedArea = 0;
@@ -104,6 +203,8 @@ FormFactorChecks checkFormFactors(const FormFactorMatrix& f, const PatchSet& pat
     c.missed += a * s.missed;
     c.backs += a * s.backs;
     c.rowSumMean += a * sums[i];
+    c.correctionMin = std::min(c.correctionMin, s.correction);
+    c.correctionMax = std::max(c.correctionMax, s.correction);
     if (s.exposed > 0) {
       c.rowSumMin = std::min(c.rowSumMin, sums[i]);
       c.rowSumMax = std::max(c.rowSumMax, sums[i]);
@@ -117,8 +218,7 @@ FormFactorChecks checkFormFactors(const FormFactorMatrix& f, const PatchSet& pat
     c.rowSumMin = c.rowSumMax = 0;
   }
   c.covered = area > 0 ? 1 - exposedArea / area : 0;
-  const double total = std::accumulate(size.begin(), size.end(), 0.0);
-  if (total > 0) c.reciprocityRms = std::sqrt(std::accumulate(difference.begin(), difference.end(), 0.0) / total);
+  checkPairs(f, patches, c);
   return c;
 }
 

@@ -14,41 +14,80 @@ namespace farol {
 
 // What became of a row besides its entries. missed + backs + sum_j F_ij = 1 for an exposed patch.
 struct RowShares {
-  double missed = 0;   // share that saw nothing: it leaves the scene
-  double backs = 0;    // share that met black back sides
-  double exposed = 1;  // share of the patch's positions that do not lie inside a solid; 0: the row is empty
+  double missed = 0;      // share that saw nothing: it leaves the scene
+  double backs = 0;       // share that met black back sides
+  double exposed = 1;     // share of the patch's area on which nothing stands; 0: the row is empty
+  double correction = 1;  // factor by which the near-field correction scaled the far entries
 };
 
-// Receives finished rows, possibly from several threads, each row once.
+// Receives finished rows, possibly from several threads, each row once, as `row` or as `hits`.
 class RowStore {
  public:
   virtual ~RowStore() = default;
   virtual std::span<float> row(uint32_t patch) = 0;  // [patches], to be filled completely
+  // The row as a list: each id adds `weight` to its entry; the id [patches] adds nothing.
+  virtual void hits(uint32_t patch, std::span<const uint32_t> ids, float weight) = 0;
   virtual void finish(uint32_t patch, const RowShares& shares) = 0;
 };
 
-// Dense F in float32 [rows x columns]; rows are allocated when first asked for. Throws Error when they would
-// need more than `maxBytes`.
+// One row as it is kept: dense, or a list of ids that each add `weight` to their entry.
+struct FormFactorRow {
+  std::span<const float> dense;  // [patches]
+  std::span<const uint32_t> ids;
+  float weight = 0;
+  size_t patches = 0;
+
+  bool made() const { return !dense.empty() || !ids.empty(); }
+
+  // Calls `use(j, value)` for parts of entries that are not 0: an entry of a list may come in several parts.
+  template <typename Use>
+  void forEach(Use&& use) const {
+    for (size_t j = 0; j < dense.size(); ++j) {
+      if (dense[j] != 0) use(j, static_cast<double>(dense[j]));
+    }
+    for (const uint32_t j : ids) {
+      if (j < patches) use(size_t{j}, static_cast<double>(weight));
+    }
+  }
+
+  double at(size_t j) const;            // one entry; slow on lists
+  std::vector<float> expanded() const;  // [patches]; zeros for a row that was not made
+};
+
+// F in float32 [rows x columns], a row dense or, where that is smaller, as its list of hits; rows are allocated when
+// first asked for. Throws Error when they would need more than `maxBytes`.
 class FormFactorMatrix : public RowStore {
  public:
   explicit FormFactorMatrix(size_t patches, uint64_t maxBytes = UINT64_MAX)
       : maxBytes_(maxBytes), rows_(patches), shares_(patches) {}
 
   std::span<float> row(uint32_t patch) override;
+  void hits(uint32_t patch, std::span<const uint32_t> ids, float weight) override;
   void finish(uint32_t patch, const RowShares& shares) override { shares_[patch] = shares; }
 
   size_t size() const { return rows_.size(); }
-  std::span<const float> operator[](size_t patch) const { return rows_[patch]; }
+  FormFactorRow operator[](size_t patch) const {
+    const Row& r = rows_[patch];
+    return {r.dense, r.ids, r.weight, rows_.size()};
+  }
   const RowShares& shares(size_t patch) const { return shares_[patch]; }
   double rowSum(size_t patch) const;  // in double; 0 for a row that was not made
+  uint64_t bytes() const { return bytes_; }
 
   // Keeps the rows and columns of these patches, in this order.
   void keep(const std::vector<uint32_t>& patches);
 
  private:
+  struct Row {
+    std::vector<float> dense;
+    std::vector<uint32_t> ids;
+    float weight = 0;
+  };
+  void book(uint64_t bytes);
+
   uint64_t maxBytes_;
   uint64_t bytes_ = 0;  // of rows so far; rows come from several threads
-  std::vector<std::vector<float>> rows_;
+  std::vector<Row> rows_;
   std::vector<RowShares> shares_;
 };
 
@@ -63,15 +102,23 @@ class RowMaker {
 
 // Makes the rows of all patches that light can reach: the front sides, emitting back sides, and every other
 // back side that one of these sees (with `sky` light, all). Patches that are left out are removed from
-// `patches`, and `f`, made for all of them, gets the size of what is left.
-void makeFormFactors(RowMaker& maker, PatchSet& patches, bool sky, const Log& log, FormFactorMatrix& f);
+// `patches`, and `f`, made for all of them, gets the size of what is left. Returns the patches kept, ascending, where
+// some were left out; empty otherwise.
+std::vector<uint32_t> makeFormFactors(RowMaker& maker, PatchSet& patches, bool sky, const Log& log, FormFactorMatrix& f);
 
-// Figures that tell how good F is.
+// Figures that tell how good F is. Areas are exposed areas. What takes pairs looks at all pairs of 512
+// patches, an even choice.
 struct FormFactorChecks {
   double rowSumMin = 0, rowSumMean = 0, rowSumMax = 0;  // area-weighted mean
   double missed = 0, backs = 0;                         // area-weighted mean shares
+  double covered = 0;                                   // area under objects, as a share of the whole
+  size_t pairPatches = 0;                               // patches whose pairs were looked at
   double reciprocityRms = 0;  // rms over pairs of A_i F_ij - A_j F_ji, relative to the rms of A_i F_ij
-  double covered = 0;         // area inside solids, as a share of the whole
+  // What no F may break where nothing is specular: F_ij in [0,1], A_i F_ij <= min(A_i, A_j).
+  double smallest = 0, largest = 0;           // entries
+  double worstArea = 0;                       // largest A_i F_ij / min(A_i, A_j)
+  uint32_t worstFrom = 0, worstTo = 0;        // and its patches
+  double correctionMin = 1, correctionMax = 1;  // near-field factors
 };
 FormFactorChecks checkFormFactors(const FormFactorMatrix& f, const PatchSet& patches);
 

@@ -2,6 +2,7 @@
 
 #include "base/error.h"
 #include "formfactor/facet_mesh.h"
+#include "formfactor/near_field.h"
 #include "patch/positions.h"
 #include "shaders/hemicube.frag.h"
 #include "shaders/hemicube.vert.LAYERED.h"
@@ -93,12 +94,12 @@ struct Accumulator {
     for (size_t j = 0; j < bins; ++j) sums[j] += weight * counts[j];
   }
 
-  void store(RowStore& store, uint32_t patch) const {
+  void store(RowStore& store, uint32_t patch, double share) const {
     const size_t patches = sums.size() - 2;
     const std::span<float> row = store.row(patch);
     const double scale = exposed > 0 ? 1 / (kFullHemisphere * exposed) : 0;
     for (size_t j = 0; j < patches; ++j) row[j] = static_cast<float>(scale * sums[j]);
-    store.finish(patch, {scale * sums[patches], scale * sums[patches + 1], exposed});
+    store.finish(patch, {scale * sums[patches], scale * sums[patches + 1], share});
   }
 };
 
@@ -248,15 +249,28 @@ struct RasterRowMaker::Impl {
     commands.submit();
   }
 
+  // Exposed share of a patch: measured beforehand, or what its positions say.
+  double exposedShare(uint32_t patch, double positions) const {
+    return options.exposed != nullptr ? std::min<double>(options.exposed->share[patch], positions > 0 ? 1 : 0)
+                                      : positions;
+  }
+
   // One position: no sum to keep.
   void storeSingle(RowStore& store, uint32_t patch, const uint32_t* counts) const {
     const std::span<float> row = store.row(patch);
-    const bool exposed = counts[bins - 1] != kAllBacks;
-    for (size_t j = 0; j < row.size(); ++j) row[j] = static_cast<float>(exposed ? counts[j] / kFullHemisphere : 0.0);
-    if (exposed)
-      store.finish(patch, {counts[bins - 2] / kFullHemisphere, counts[bins - 1] / kFullHemisphere, 1});
-    else
+    const double share = counts[bins - 1] == kAllBacks ? 0 : exposedShare(patch, 1);
+    for (size_t j = 0; j < row.size(); ++j) row[j] = static_cast<float>(share > 0 ? counts[j] / kFullHemisphere : 0.0);
+    if (share > 0) {
+      const double correction = options.nearField != nullptr ? options.nearField->correct(patch, row) : 1;
+      store.finish(patch,
+                   {counts[bins - 2] / kFullHemisphere, counts[bins - 1] / kFullHemisphere, share, correction});
+    } else {
       store.finish(patch, {0, 0, 0});
+    }
+  }
+
+  void storeSum(const Accumulator& row, RowStore& store, uint32_t patch) const {
+    row.store(store, patch, exposedShare(patch, row.exposed));
   }
 
   // Stores the rows that the slot's batch completes. A patch whose positions are cut by the batch's end stays
@@ -283,14 +297,14 @@ struct RasterRowMaker::Impl {
       Accumulator& row = scratch.local();
       row.clear(bins);
       addRun(runs[r], row);
-      row.store(store, slot.hemicubes[runs[r].first].patch);
+      storeSum(row, store, slot.hemicubes[runs[r].first].patch);
     });
     for (size_t r = 0; r < runs.size(); ++r) {
       if (!open(r)) continue;
       if (!carrying) carry.clear(bins);
       addRun(runs[r], carry);
       carrying = !slot.hemicubes[runs[r].last].last;
-      if (!carrying) carry.store(store, slot.hemicubes[runs[r].first].patch);
+      if (!carrying) storeSum(carry, store, slot.hemicubes[runs[r].first].patch);
     }
   }
 
@@ -314,7 +328,8 @@ struct RasterRowMaker::Impl {
     };
     for (const uint32_t patch : wanted) {
       const uint64_t seed = mixBits(options.seed * 0x100000001B3ull + patch);
-      const auto positions = positionsOn(facets, patches, patch, options.positions, seed);
+      auto positions = positionsOn(facets, patches, patch, options.positions, seed);
+      if (options.positions == 1 && options.exposed != nullptr) positions[0].point = options.exposed->point[patch];
       ++rowsSubmitted;
       for (size_t k = 0; k < positions.size(); ++k) {
         next.push_back({patch, positions[k].point, positions[k].weight, 2 * kPi * unitFromBits(mixBits(seed + 2 + k)),

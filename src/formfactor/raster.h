@@ -6,10 +6,13 @@
 #include "formfactor/form_factors.h"
 #include "formfactor/projection.h"
 #include "gpu/gpu.h"
+#include "trace/cover.h"
 
 #include <memory>
 
 namespace farol {
+
+class NearField;
 
 struct RasterOptions {
   uint32_t resolution = 64;  // R, even, 8 to 1024: pixels along an edge of a hemicube's top
@@ -19,6 +22,8 @@ struct RasterOptions {
   uint64_t deviceMemory = uint64_t{256} << 20;  // for one batch [bytes]
   uint32_t maxBatch = 128;                      // hemicubes per submission; 0: as many as fit the memory
   bool layered = true;                          // draw all layers at once where the device can
+  const NearField* nearField = nullptr;         // corrects rows of one position; must outlive the maker
+  const ExposedArea* exposed = nullptr;         // where partly covered patches are seen from; must outlive the maker
 };
 
 class RasterRowMaker : public RowMaker {

@@ -15,7 +15,9 @@ Vec3 pointOf(const FacetSet& facets, const PatchSet& patches, const Cell& cell, 
 }
 
 std::vector<Position> gaussPositions(const FacetSet& facets, const PatchSet& patches, const Cell& cell, int n) {
-  const GaussRule rule = gaussLegendre(n);
+  static thread_local std::vector<GaussRule> rules(65);  // made once per thread: they cost more than the points
+  GaussRule& rule = rules[std::min<size_t>(static_cast<size_t>(n), 64)];
+  if (rule.nodes.size() != static_cast<size_t>(n)) rule = gaussLegendre(n);
   const bool triangle = !facets.facets[cell.facet].parallelogram;
   std::vector<Position> result;
   for (size_t j = 0; j < rule.nodes.size(); ++j) {

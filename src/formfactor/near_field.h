@@ -1,0 +1,73 @@
+// Factors between patches that are close to each other, where one centre point does not stand for the patch.
+#pragma once
+
+#include "formfactor/form_factors.h"
+#include "patch/positions.h"
+#include "trace/cover.h"
+
+namespace farol {
+
+// Area-to-area factor from patch i to patch j with nothing in between: the closed form of Lambert's contour sum from
+// n x n Gauss points of patch i (Baum, Rushmeier and Winget 1989; Schroeder and Hanrahan 1993). n = 0 chooses by
+// distance for a relative error of about 1e-6, or 1e-5 where the patches share an edge.
+class UnoccludedFactor {
+ public:
+  // The references must outlive this.
+  UnoccludedFactor(const FacetSet& facets, const PatchSet& patches);
+  double operator()(uint32_t i, uint32_t j, int n = 0) const;
+  double from(std::span<const Position> points, uint32_t i, uint32_t j) const;  // from points of patch i
+
+  bool faceEachOther(uint32_t i, uint32_t j) const;
+  const Vec3& centre(uint32_t i) const { return centres_[i]; }  // [unit coordinates]
+  double size(uint32_t i) const { return sizes_[i]; }           // root of the area [unit coordinates]
+
+ private:
+  const FacetSet& facets_;
+  const PatchSet& patches_;
+  std::vector<Vec3> centres_;
+  std::vector<double> sizes_, radii_;  // radii: around the centre
+  std::vector<std::vector<std::vector<Vec3>>> polygons_;  // per patch, one per cell
+};
+
+// Corrects a row made from the patch's centre: the entries with the largest predicted errors F (h / d)^2 (at most 16)
+// become the closed form times the kernel-weighted visible share of 16 pairs of points (Embree), and the others are
+// scaled so that the sum of the row does not change.
+class NearField {
+ public:
+  // Of a partly covered patch only the exposed part counts.
+  NearField(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, const ExposedArea& exposed,
+            uint64_t seed);
+
+  // Returns the factor that scaled the far entries. A row that is left as it is, because nothing else could make up
+  // for the change, has the factor 1.
+  double correct(uint32_t patch, std::span<float> row) const;
+
+ private:
+  std::vector<Position> exposedPoints(uint32_t i) const;
+  double visibleShare(std::span<const Position> from, uint32_t i, uint32_t j) const;
+
+  const Tracer& tracer_;
+  const FacetSet& facets_;
+  const PatchSet& patches_;
+  const ExposedArea& exposed_;
+  uint64_t seed_;
+  UnoccludedFactor factor_;
+};
+
+// Why a scene's factors cannot all be had in closed form: the surface that may stand between two others. Empty when
+// nothing can block: for every pair of facets that see each other's front, every other facet is separated from the
+// space between them by a plane. Scenes of more than 64 facets are not looked at.
+std::string whatMayBlock(const Scene& scene, const FacetSet& facets);
+
+// Rows in closed form, for scenes where nothing can block.
+class ExactRowMaker : public RowMaker {
+ public:
+  ExactRowMaker(const FacetSet& facets, const PatchSet& patches) : factor_(facets, patches), patches_(patches) {}
+  void makeRows(std::span<const uint32_t> patches, RowStore& store, const std::function<void(size_t)>& done) override;
+
+ private:
+  UnoccludedFactor factor_;
+  const PatchSet& patches_;
+};
+
+}  // namespace farol

@@ -1,0 +1,423 @@
+#include "formfactor/rays.h"
+
+#include "base/sobol.h"
+#include "trace/cover.h"
+
+#include <algorithm>
+#include <tbb/parallel_for.h>
+
+namespace farol {
+namespace {
+
+// Bits of x spread to the even places.
+uint32_t spreadBits(uint32_t x) {
+  x = (x | x << 8) & 0x00FF00FFu;
+  x = (x | x << 4) & 0x0F0F0F0Fu;
+  x = (x | x << 2) & 0x33333333u;
+  return (x | x << 1) & 0x55555555u;
+}
+
+// Square to disc with little distortion, area preserving (Shirley and Chiu 1997).
+Vec2 toDisc(double u, double v) {
+  const double a = 2 * u - 1, b = 2 * v - 1;
+  if (a == 0 && b == 0) return Vec2(0);
+  if (std::abs(a) > std::abs(b)) return a * Vec2(std::cos(kPi / 4 * b / a), std::sin(kPi / 4 * b / a));
+  return b * Vec2(std::cos(kPi / 2 - kPi / 4 * a / b), std::sin(kPi / 2 - kPi / 4 * a / b));
+}
+
+// Rays per patch up to which the patches of a tile are traced together.
+constexpr uint32_t kMixedSamples = 1024;
+
+float unitFloat(uint32_t fixed) {
+  return static_cast<float>(fixed >> 8) * 0x1p-24f;
+}
+
+float wrap(float x) {
+  return x >= 1 ? x - 1 : x;
+}
+
+}  // namespace
+
+SampleTable::SampleTable(uint32_t k, Kind kind) : samples(k) {
+  const size_t total = size_t{kBlocks} * samples;
+  dx.resize(total + kPacketSize);
+  dy.resize(total + kPacketSize);
+  dz.resize(total + kPacketSize);
+  s.resize(total + kPacketSize);
+  t.resize(total + kPacketSize);
+  std::vector<uint32_t> codes(total);
+  tbb::parallel_for(0u, kBlocks, [&](uint32_t block) {
+    struct Point {
+      uint32_t code, number;
+      float x, y, z, s, t;
+    };
+    std::vector<Point> points(samples);
+    for (uint32_t i = 0; i < samples; ++i) {
+      const uint32_t number = block * samples + i;
+      std::array<uint32_t, 4> fixed = sobolPoint(number);
+      if (kind == Kind::random) {
+        for (uint32_t c = 0; c < 4; ++c) fixed[c] = static_cast<uint32_t>(mixBits(uint64_t{number} * 4 + c));
+      }
+      const Vec2 p = toDisc((fixed[0] + 0.5) * 0x1p-32, (fixed[1] + 0.5) * 0x1p-32);
+      const double z = std::sqrt(std::max(0.0, 1 - p.x * p.x - p.y * p.y));
+      const auto place = [](double x) { return static_cast<uint32_t>((0.5 * x + 0.5) * 65535); };
+      points[i] = {spreadBits(place(p.x)) | spreadBits(place(p.y)) << 1,
+                   i,
+                   static_cast<float>(p.x),
+                   static_cast<float>(p.y),
+                   static_cast<float>(z),
+                   unitFloat(fixed[2]),
+                   unitFloat(fixed[3])};
+    }
+    std::sort(points.begin(), points.end(), [](const Point& a, const Point& b) {
+      return a.code != b.code ? a.code < b.code : a.number < b.number;
+    });
+    for (uint32_t i = 0; i < samples; ++i) {
+      const size_t at = size_t{block} * samples + i;
+      const Point& p = points[i];
+      dx[at] = p.x;
+      dy[at] = p.y;
+      dz[at] = p.z;
+      s[at] = p.s;
+      t[at] = p.t;
+      codes[at] = p.code;
+    }
+  });
+  if (samples > kMixedSamples) return;
+  together.resize(total);
+  for (uint32_t i = 0; i < total; ++i) together[i] = i;
+  std::sort(together.begin(), together.end(),
+            [&](uint32_t a, uint32_t b) { return codes[a] != codes[b] ? codes[a] < codes[b] : a < b; });
+}
+
+TileSeat seatOf(const FacetSet& facets, const PatchSet& patches, uint32_t patch, uint64_t seed) {
+  const auto cells = patches.cellsOf(patch);
+  const Cell& cell = patches.cells[cells[0]];
+  const CellGrid& grid = patches.grids[cell.facet];
+  TileSeat seat;
+  if (cells.size() > 1 || grid.nu * grid.nv < 4) {
+    // Patches of several cells and undivided facets: neighbours in number.
+    seat.block = patch % SampleTable::kBlocks;
+    seat.tile = uint64_t{1} << 63 | patch / SampleTable::kBlocks;
+  } else {
+    uint32_t number = 0;
+    if (facets.facets[cell.facet].parallelogram) {
+      seat.block = cell.v % 4 * 4 + cell.u % 4;
+      number = cell.v / 4 * ((grid.nu + 3) / 4) + cell.u / 4;
+    } else {
+      const uint32_t place = cells[0] - (cell.back ? grid.backCell : grid.frontCell);
+      seat.block = place % SampleTable::kBlocks;
+      number = place / SampleTable::kBlocks;
+    }
+    seat.tile = uint64_t{cell.facet} << 32 | uint64_t{cell.back} << 31 | number;
+    seat.flat = true;
+  }
+  const uint64_t bits = mixBits(seed * 0x100000001B3ull + mixBits(seat.tile));
+  seat.turn = 2 * kPi * unitFromBits(bits);
+  seat.s = static_cast<float>(unitFromBits(mixBits(bits + 1)));
+  seat.t = static_cast<float>(unitFromBits(mixBits(bits + 2)));
+  return seat;
+}
+
+namespace {
+
+// Sixteen directions from the local frame.
+#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__)
+__attribute__((target_clones("default", "avx2")))
+#endif
+void turnDirections(const std::array<glm::vec3, 3>& frame, const float* x, const float* y, const float* z,
+                    RayPacket& rays) {
+  const glm::vec3 &a = frame[0], &b = frame[1], &c = frame[2];
+  for (uint32_t k = 0; k < kPacketSize; ++k) {
+    rays.dx[k] = x[k] * a.x + y[k] * b.x + z[k] * c.x;
+    rays.dy[k] = x[k] * a.y + y[k] * b.y + z[k] * c.y;
+    rays.dz[k] = x[k] * a.z + y[k] * b.z + z[k] * c.z;
+  }
+}
+
+// Sixteen origins on one parallelogram's cell: corner, u, v.
+#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__)
+__attribute__((target_clones("default", "avx2")))
+#endif
+void spreadOrigins(const std::array<glm::vec3, 3>& cell, float margin, glm::vec2 shift, const float* s, const float* t,
+                   RayPacket& rays) {
+  const glm::vec3 &o = cell[0], &u = cell[1], &v = cell[2];
+  for (uint32_t k = 0; k < kPacketSize; ++k) {
+    float a = s[k] + shift.x, b = t[k] + shift.y;
+    a = a >= 1 ? a - 1 : a;
+    b = b >= 1 ? b - 1 : b;
+    a = std::min(std::max(a, margin), 1 - margin);
+    b = std::min(std::max(b, margin), 1 - margin);
+    rays.ox[k] = o.x + a * u.x + b * v.x;
+    rays.oy[k] = o.y + a * u.y + b * v.y;
+    rays.oz[k] = o.z + a * u.z + b * v.z;
+  }
+}
+
+}  // namespace
+
+TileRays::TileRays(const FacetSet& facets, const PatchSet& patches, const SampleTable& table,
+                   const RayOptions& options, std::span<const uint32_t> patchIds)
+    : table_(table), together_(patchIds.size() > 1), spread_(options.spread) {
+  const TileSeat seat = seatOf(facets, patches, patchIds[0], options.seed);
+  shiftS_ = seat.s;
+  shiftT_ = seat.t;
+  at_ = together_ ? 0 : seat.block * table.samples;
+  end_ = together_ ? SampleTable::kBlocks * table.samples : at_ + table.samples;
+  const Vec3 n = patches.patches[patchIds[0]].normal, a = anyPerpendicular(n), b = glm::cross(n, a);
+  tangent_ = std::cos(seat.turn) * a + std::sin(seat.turn) * b;
+  bitangent_ = std::cos(seat.turn) * b - std::sin(seat.turn) * a;
+  normal_ = n;
+  memberOf_.fill(kNone);
+  members_.resize(patchIds.size());
+  for (uint32_t m = 0; m < patchIds.size(); ++m) {
+    const uint32_t patch = patchIds[m];
+    memberOf_[seatOf(facets, patches, patch, options.seed).block] = m;
+    Member& member = members_[m];
+    double total = 0, shortest = 1;
+    for (const uint32_t c : patches.cellsOf(patch)) {
+      const Cell& cell = patches.cells[c];
+      const Facet& facet = facets.facets[cell.facet];
+      const auto corner = [&](double s, double t) {
+        const Vec2 uv = cellPoint(patches.grids[cell.facet], facet.parallelogram, cell, s, t);
+        return facets.point(facet, uv.x, uv.y);
+      };
+      const Vec3 origin = corner(0, 0), u = corner(1, 0) - origin, v = corner(0, 1) - origin;
+      total += cellArea(facets, patches.grids[cell.facet], cell.facet);
+      shortest = std::min({shortest, glm::length(u), glm::length(v)});
+      member.cells.push_back({origin + kRayOffset * n, u, v, static_cast<float>(total), !facet.parallelogram});
+    }
+    for (Span& c : member.cells) c.end /= static_cast<float>(total);
+    // Origins keep clear of the edges, beyond which rounding could put them.
+    member.margin = static_cast<float>(std::min(0.01, 2 * kRayOffset / shortest));
+  }
+}
+
+void TileRays::place(const Member& member, float s, float t, uint32_t lane, RayPacket& rays) const {
+  const Span* c = member.cells.data();
+  if (member.cells.size() > 1) {  // t also chooses the cell, by area
+    const Span* last = c + member.cells.size() - 1;
+    float start = 0;
+    for (; c < last && t >= c->end; ++c) start = c->end;
+    t = std::clamp((t - start) / (c->end - start), 0.0f, 1.0f);
+  }
+  if (!spread_) s = t = c->triangle ? 1.0f / 3 : 0.5f;
+  const float low = member.margin, high = 1 - member.margin;
+  if (c->triangle && s + t > 1) {
+    s = 1 - s;
+    t = 1 - t;
+  }
+  s = std::min(std::max(s, low), high);
+  t = std::min(std::max(t, low), high);
+  if (c->triangle && s + t > high) {
+    const float scale = high / (s + t);
+    s *= scale;
+    t *= scale;
+  }
+  rays.ox[lane] = c->origin.x + s * c->u.x + t * c->v.x;
+  rays.oy[lane] = c->origin.y + s * c->u.y + t * c->v.y;
+  rays.oz[lane] = c->origin.z + s * c->u.z + t * c->v.z;
+}
+
+uint32_t TileRays::next(RayPacket& rays, std::array<uint32_t, kPacketSize>& member) {
+  float x[kPacketSize], y[kPacketSize], z[kPacketSize], s[kPacketSize], t[kPacketSize];
+  uint32_t lanes = 0;
+  if (together_) {
+    for (; at_ < end_ && lanes < kPacketSize; ++at_) {
+      const uint32_t e = table_.together[at_];
+      const uint32_t m = memberOf_[e / table_.samples];
+      if (m == kNone) continue;
+      member[lanes] = m;
+      x[lanes] = table_.dx[e];
+      y[lanes] = table_.dy[e];
+      z[lanes] = table_.dz[e];
+      s[lanes] = wrap(table_.s[e] + shiftS_);
+      t[lanes] = wrap(table_.t[e] + shiftT_);
+      ++lanes;
+    }
+    for (uint32_t k = lanes; k < kPacketSize; ++k) x[k] = y[k] = z[k] = 0;
+    turnDirections({tangent_, bitangent_, normal_}, x, y, z, rays);
+  } else {
+    lanes = std::min(kPacketSize, end_ - at_);
+    // The table is padded: a whole packet can be read at its end.
+    turnDirections({tangent_, bitangent_, normal_}, &table_.dx[at_], &table_.dy[at_], &table_.dz[at_], rays);
+    const uint32_t first = at_;
+    at_ += lanes;
+    member.fill(0);
+    const Member& only = members_[0];
+    if (only.cells.size() == 1 && !only.cells[0].triangle && spread_) {
+      const Span& c = only.cells[0];
+      spreadOrigins({c.origin, c.u, c.v}, only.margin, {shiftS_, shiftT_}, &table_.s[first], &table_.t[first], rays);
+      return lanes;
+    }
+    for (uint32_t k = 0; k < lanes; ++k) {
+      s[k] = wrap(table_.s[first + k] + shiftS_);
+      t[k] = wrap(table_.t[first + k] + shiftT_);
+    }
+  }
+  for (uint32_t k = 0; k < lanes; ++k) this->place(members_[member[k]], s[k], t[k], k, rays);
+  return lanes;
+}
+
+struct RayRowMaker::Impl {
+  Impl(const Tracer& t, const FacetSet& f, const PatchSet& p, const RayOptions& o)
+      : tracer(t), facets(f), patches(p), options(o), table(o.rays, o.kind), hitPatches(f, p) {}
+
+  // A back that proves, or may prove, that the ray's origin lies inside something standing on the patch.
+  struct BackHit {
+    uint32_t ray;
+    Vec3 origin;
+    bool black;
+  };
+
+  // A row under way.
+  struct Row {
+    std::vector<uint32_t> ids;  // what each ray met
+    uint32_t traced = 0;
+    std::vector<BackHit> backHits;
+    uint32_t missed = 0, backs = 0;
+  };
+
+  // The rows of one patch, or of several patches of one flat tile.
+  void makeRows(std::span<const uint32_t> members, RowStore& store) const {
+    const auto nothing = static_cast<uint32_t>(patches.size());
+    const uint32_t count = options.rays;
+    static thread_local std::array<Row, SampleTable::kBlocks> rows;
+    for (size_t m = 0; m < members.size(); ++m) {
+      rows[m].ids.assign(count, nothing);
+      rows[m].backHits.clear();
+      rows[m].traced = rows[m].missed = rows[m].backs = 0;
+    }
+    TileRays rays(facets, patches, table, options, members);
+    RayPacket packet;
+    HitPacket hits;
+    std::array<uint32_t, kPacketSize> member{};
+    while (const uint32_t lanes = rays.next(packet, member)) {
+      tracer.intersect(packet, lanes, hits);
+      for (uint32_t k = 0; k < lanes; ++k) {
+        const uint32_t facet = hits.facet[k];
+        Row& row = rows[member[k]];
+        const uint32_t ray = row.traced++;
+        if (facet == kNone) {
+          ++row.missed;
+          continue;
+        }
+        const bool back = hitPatches.seenFromBehind(facet, packet.dx[k], packet.dy[k], packet.dz[k]);
+        const uint32_t id = hitPatches.at(facet, back, hits.u[k], hits.v[k]);
+        if (id == kNone)
+          ++row.backs;
+        else
+          row.ids[ray] = id;
+        if (back) {
+          row.backHits.push_back(
+              {ray, {packet.ox[k], packet.oy[k], packet.oz[k]}, !facets.facets[facet].doubleSided});
+        }
+      }
+    }
+    for (size_t m = 0; m < members.size(); ++m) storeRow(members[m], rows[m], store);
+  }
+
+  void storeRow(uint32_t patch, Row& row, RowStore& store) const {
+    const auto nothing = static_cast<uint32_t>(patches.size());
+    const uint32_t count = options.rays;
+    const uint32_t kept =
+        row.backHits.empty() ? count : count - dropCovered(patch, count, row.backHits, row.ids, row.backs);
+    if (kept == 0) {
+      row.ids.assign(1, nothing);
+      store.hits(patch, row.ids, 0);
+      store.finish(patch, {0, 0, 0});
+      return;
+    }
+    store.hits(patch, row.ids, 1.0f / static_cast<float>(kept));
+    store.finish(patch, {static_cast<double>(row.missed) / kept, static_cast<double>(row.backs) / kept,
+                         static_cast<double>(kept) / count});
+  }
+
+  // Drops the rays whose origins lie inside something; returns their number.
+  uint32_t dropCovered(uint32_t patch, uint32_t count, const std::vector<BackHit>& backHits,
+                       std::vector<uint32_t>& ids, uint32_t& backs) const {
+    const auto nothing = static_cast<uint32_t>(patches.size());
+    const Vec3& normal = patches.patches[patch].normal;
+    // A patch all of whose rays meet black backs is settled by some of them.
+    if (backs == count && backHits.size() == count) {
+      constexpr size_t kEnough = 64;
+      const size_t step = std::max<size_t>(1, backHits.size() / kEnough);
+      bool allInside = true;
+      for (size_t k = 0; k < backHits.size() && allInside; k += step) {
+        allInside = backHits[k].black &&
+                    insideObject(tracer, facets, backHits[k].origin - kRayOffset * normal, normal, true);
+      }
+      if (allInside) return count;
+    }
+    uint32_t dropped = 0;
+    std::vector<const BackHit*> twoSided;
+    for (const BackHit& hit : backHits) {
+      if (!insideObject(tracer, facets, hit.origin - kRayOffset * normal, normal, hit.black)) continue;
+      if (!hit.black) {
+        twoSided.push_back(&hit);
+        continue;
+      }
+      ++dropped;
+      if (ids[hit.ray] == nothing) --backs;
+      ids[hit.ray] = nothing;
+    }
+    // All of a patch behind double-sided walls may be a room whose walls face outwards: nothing stands on it.
+    if (dropped + twoSided.size() >= count && dropped == 0) return 0;
+    for (const BackHit* hit : twoSided) {
+      ++dropped;
+      if (ids[hit->ray] == nothing) --backs;
+      ids[hit->ray] = nothing;
+    }
+    return dropped;
+  }
+
+  const Tracer& tracer;
+  const FacetSet& facets;
+  const PatchSet& patches;
+  RayOptions options;
+  SampleTable table;
+  HitPatches hitPatches;
+};
+
+RayRowMaker::RayRowMaker(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches,
+                         const RayOptions& options)
+    : impl_(std::make_unique<Impl>(tracer, facets, patches, options)) {}
+RayRowMaker::~RayRowMaker() = default;
+
+void RayRowMaker::makeRows(std::span<const uint32_t> wanted, RowStore& store, const std::function<void(size_t)>& done) {
+  const Impl& impl = *impl_;
+  // Patches that are traced together: those of a flat tile, when they have few rays each.
+  struct Seated {
+    uint64_t tile;
+    uint32_t patch;
+    bool flat;
+    bool operator<(const Seated& o) const { return tile != o.tile ? tile < o.tile : patch < o.patch; }
+  };
+  std::vector<Seated> seated(wanted.size());
+  tbb::parallel_for(size_t{0}, wanted.size(), [&](size_t k) {
+    const TileSeat seat = seatOf(impl.facets, impl.patches, wanted[k], impl.options.seed);
+    seated[k] = {seat.tile, wanted[k], seat.flat && impl.options.rays <= kMixedSamples};
+  });
+  std::sort(seated.begin(), seated.end());
+  std::vector<uint32_t> order;
+  std::vector<size_t> first;  // of each group in `order`
+  for (size_t k = 0; k < seated.size(); ++k) {
+    if (k == 0 || !seated[k].flat || seated[k].tile != seated[k - 1].tile) first.push_back(k);
+    order.push_back(seated[k].patch);
+  }
+  first.push_back(order.size());
+  // Rounds of some tenths of a second, so that progress and interruption stay on the calling thread.
+  constexpr size_t kRaysPerRound = size_t{1} << 22;
+  for (size_t group = 0; group + 1 < first.size();) {
+    size_t next = group;
+    while (next + 1 < first.size() && (first[next + 1] - first[group]) * impl.options.rays <= kRaysPerRound) ++next;
+    next = std::max(next, group + 1);
+    tbb::parallel_for(group, next, [&](size_t g) {
+      impl.makeRows(std::span(order).subspan(first[g], first[g + 1] - first[g]), store);
+    });
+    group = next;
+    done(first[group]);
+  }
+}
+
+}  // namespace farol
