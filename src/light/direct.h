@@ -1,0 +1,65 @@
+// Direct irradiance of every patch from lamps apart and from punctual lights.
+#pragma once
+
+#include "formfactor/form_factors.h"
+#include "light/lamps.h"
+#include "trace/tracer.h"
+
+namespace farol {
+
+struct DirectOptions {
+  uint32_t shadowRays = 64;  // S per patch; four times as many where neighbours see a lamp partly
+  uint64_t seed = 1;
+};
+
+// Light that reaches patches without F.
+struct DirectLight {
+  std::vector<Rgb> irradiance;    // [patches] D [flux per area]; empty: none
+  std::vector<double> deviation;  // [patches] standard error that independent shadow rays would have, worst channel
+  std::vector<uint8_t> apart;     // [patches] 1: the patch's own emission is in D, so that F carries what it reflects
+  size_t rays = 0;                // shadow rays traced
+
+  bool present() const { return !irradiance.empty(); }
+  bool isApart(size_t patch) const { return !apart.empty() && apart[patch] != 0; }
+};
+
+// D_i = sum over sources of U x sum(k V) / sum(k): U the unoccluded irradiance, the mean of the closed form (Lambert's
+// contour sum; the inverse square law for punctual lights) over Gauss points of the patch; k the point-to-point kernel
+// and V the visibility of S low-discrepancy pairs of points on patch and source, shared out by U. A visible share not
+// weighted by k would count the horizon twice. Where an object stands on a patch only its exposed part counts.
+class DirectIrradiance {
+ public:
+  DirectIrradiance(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, std::span<const Lamp> lamps,
+                   std::span<const PunctualLight> lights, const DirectOptions& options);
+
+  // For the patches listed, all when empty; `exposed` as in RowShares, per patch.
+  DirectLight compute(const std::vector<double>& exposed, std::span<const uint32_t> chosen = {}) const;
+
+  struct Estimate {
+    Rgb irradiance{0};
+    double deviation = 0;
+    bool partly = false;  // some rays were blocked and some were not
+    uint32_t rays = 0;
+  };
+  // At a point with a normal, unit coordinates: for sensors.
+  Estimate at(const Vec3& point, const Vec3& normal, uint32_t rays, uint64_t seed) const;
+
+ private:
+  struct Receiver;
+  Estimate gather(const Receiver& receiver, uint32_t rays) const;
+  Receiver receiverOf(uint32_t patch, double exposed) const;
+
+  const Tracer& tracer_;
+  const FacetSet& facets_;
+  const PatchSet& patches_;
+  std::span<const Lamp> lamps_;
+  std::span<const PunctualLight> lights_;
+  DirectOptions options_;
+  std::vector<std::array<uint32_t, 4>> points_;
+};
+
+// Irradiance from a punctual light, nothing in between, by KHR_lights_punctual: candela over distance squared times
+// cosine, or lux times cosine. Point in scene units.
+Rgb unoccludedIrradiance(const PunctualLight& light, const Vec3& point, const Vec3& normal);
+
+}  // namespace farol
