@@ -4,7 +4,7 @@
 
 namespace farol {
 
-Solution localIllumination(const PatchSet& patches, const Rgb& sky) {
+Solution localIllumination(const PatchSet& patches, std::span<const PunctualLight> lights, const Rgb& sky) {
   std::vector<const Patch*> emitters;
   for (const Patch& p : patches.patches) {
     if (p.emits()) emitters.push_back(&p);
@@ -14,6 +14,7 @@ Solution localIllumination(const PatchSet& patches, const Rgb& sky) {
   result.irradiance.assign(patches.size(), sky);
   tbb::parallel_for(size_t{0}, patches.size(), [&](size_t i) {
     const Patch& p = patches.patches[i];
+    for (const PunctualLight& light : lights) result.irradiance[i] += unoccludedIrradiance(light, p.centre, p.normal);
     for (const Patch* e : emitters) {
       const Vec3 d = e->centre - p.centre;
       const double r2 = glm::dot(d, d);

@@ -35,9 +35,51 @@ void gatherRow(const float* row, const double* b, size_t n, double* sums) {
   }
 }
 
+// The same for a row that is a list of hits: `b` holds four doubles per patch and a last patch of zeros.
+#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__)
+__attribute__((target_clones("default", "avx2")))
+#endif
+void gatherHits(const uint32_t* ids, size_t count, double weight, const double* b, double* sums) {
+  constexpr size_t kLanes = 4;  // hits side by side, to hide the additions' latency
+  double partial[kLanes][4] = {};
+  size_t k = 0;
+  for (; k + kLanes <= count; k += kLanes) {
+    for (size_t l = 0; l < kLanes; ++l) {
+      const double* from = b + size_t{4} * ids[k + l];
+      for (size_t c = 0; c < 4; ++c) partial[l][c] += from[c];
+    }
+  }
+  for (; k < count; ++k) {
+    for (size_t c = 0; c < 4; ++c) partial[0][c] += b[size_t{4} * ids[k] + c];
+  }
+  for (size_t c = 0; c < 3; ++c)
+    sums[c] = weight * ((partial[0][c] + partial[1][c]) + (partial[2][c] + partial[3][c]));
+}
+
+// A value per patch and channel, kept in the two orders that dense rows and lists of hits read fastest.
+class Field {
+ public:
+  explicit Field(Channels values) : columns_(std::move(values)), packed_(4 * (static_cast<size_t>(columns_.rows()) + 1), 0.0) {
+    for (Eigen::Index i = 0; i < columns_.rows(); ++i) pack(i);
+  }
+  void set(Eigen::Index i, const Eigen::RowVector3d& value) {
+    columns_.row(i) = value;
+    pack(i);
+  }
+  const Channels& columns() const { return columns_; }
+  const double* packed() const { return packed_.data(); }
+
+ private:
+  void pack(Eigen::Index i) {
+    for (int c = 0; c < 3; ++c) packed_[4 * static_cast<size_t>(i) + static_cast<size_t>(c)] = columns_(i, c);
+  }
+  Channels columns_;
+  std::vector<double> packed_;
+};
+
 class System {
  public:
-  System(const FormFactorMatrix& f, const PatchSet& patches, const Rgb& sky) : f_(f) {
+  System(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct, const Rgb& sky) : f_(f) {
     const auto n = static_cast<Eigen::Index>(patches.size());
     emission = Channels::Zero(n, 3);
     reflectance = Channels::Zero(n, 3);
@@ -46,33 +88,37 @@ class System {
       const Patch& p = patches.patches[static_cast<size_t>(i)];
       const RowShares& shares = f.shares(static_cast<size_t>(i));
       for (int c = 0; c < 3; ++c) {
-        emission(i, c) = p.emission[c];
+        emission(i, c) = direct.isApart(static_cast<size_t>(i)) ? 0.0 : p.emission[c];
         reflectance(i, c) = p.reflectance[c];
         source(i, c) = shares.missed * sky[c];  // irradiance from the sky
+        if (direct.present()) source(i, c) += direct.irradiance[static_cast<size_t>(i)][c];
       }
       if (maxChannel(p.reflectance) > 0) reflecting.push_back(static_cast<size_t>(i));
     }
-    radiosity = emission + reflectance.cwiseProduct(source);
   }
 
-  // sum_j F_ij B_j for three channels.
-  Eigen::RowVector3d gather(size_t i, const Channels& b) const {
-    const std::span<const float> row = f_[i];
-    if (row.empty()) return Eigen::RowVector3d::Zero();
-    Eigen::RowVector3d sums;
-    gatherRow(row.data(), b.data(), row.size(), sums.data());
+  Channels start() const { return emission + reflectance.cwiseProduct(source); }
+
+  // sum_j F_ij b_j for three channels.
+  Eigen::RowVector3d gather(size_t i, const Field& b) const {
+    const FormFactorRow row = f_[i];
+    Eigen::RowVector3d sums = Eigen::RowVector3d::Zero();
+    if (!row.dense.empty())
+      gatherRow(row.dense.data(), b.columns().data(), row.dense.size(), sums.data());
+    else if (!row.ids.empty())
+      gatherHits(row.ids.data(), row.ids.size(), static_cast<double>(row.weight), b.packed(), sums.data());
     return sums;
   }
 
   // What patch i's radiosity should be, given the others.
-  Eigen::RowVector3d updated(size_t i, const Channels& b) const {
+  Eigen::RowVector3d updated(size_t i, const Field& b) const {
     const auto k = static_cast<Eigen::Index>(i);
     return emission.row(k) + reflectance.row(k).cwiseProduct(source.row(k) + gather(i, b));
   }
 
   double rowSum(size_t i) const { return f_.rowSum(i); }
 
-  Channels emission, reflectance, source, radiosity;
+  Channels emission, reflectance, source;  // emission: without emitters apart; source: irradiance without F
   // Black patches have B = E: they stay out of the iteration.
   std::vector<size_t> reflecting;
 
@@ -81,18 +127,18 @@ class System {
 };
 
 // E + rho (source + F b) - b over the reflecting patches; zero elsewhere.
-Channels residualOf(const System& s, const Channels& b) {
-  Channels r = Channels::Zero(b.rows(), 3);
+Channels residualOf(const System& s, const Field& b) {
+  Channels r = Channels::Zero(b.columns().rows(), 3);
   tbb::parallel_for(size_t{0}, s.reflecting.size(), [&](size_t k) {
-    const size_t i = s.reflecting[k];
-    r.row(static_cast<Eigen::Index>(i)) = s.updated(i, b) - b.row(static_cast<Eigen::Index>(i));
+    const auto i = static_cast<Eigen::Index>(s.reflecting[k]);
+    r.row(i) = s.updated(s.reflecting[k], b) - b.columns().row(i);
   });
   return r;
 }
 
 // rho F v: one Jacobi sweep applied to a difference.
-Channels reflectOnce(const System& s, const Channels& v) {
-  Channels out = Channels::Zero(v.rows(), 3);
+Channels reflectOnce(const System& s, const Field& v) {
+  Channels out = Channels::Zero(v.columns().rows(), 3);
   tbb::parallel_for(size_t{0}, s.reflecting.size(), [&](size_t k) {
     const auto i = static_cast<Eigen::Index>(s.reflecting[k]);
     out.row(i) = s.reflectance.row(i).cwiseProduct(s.gather(s.reflecting[k], v));
@@ -105,20 +151,20 @@ double largest(const Channels& v) {
 }
 
 // One sweep in place; returns the largest change.
-double sweepGaussSeidel(const System& s, Channels& b) {
+double sweepGaussSeidel(const System& s, Field& b) {
   double change = 0;
   for (const size_t i : s.reflecting) {
     const auto k = static_cast<Eigen::Index>(i);
     const Eigen::RowVector3d next = s.updated(i, b);
-    change = std::max(change, (next - b.row(k)).cwiseAbs().maxCoeff());
-    b.row(k) = next;
+    change = std::max(change, (next - b.columns().row(k)).cwiseAbs().maxCoeff());
+    b.set(k, next);
   }
   return change;
 }
 
-double sweepJacobi(const System& s, Channels& b) {
+double sweepJacobi(const System& s, Field& b) {
   const Channels r = residualOf(s, b);  // the change of a Jacobi sweep is the residual before it
-  b += r;
+  b = Field(b.columns() + r);
   return largest(r);
 }
 
@@ -155,8 +201,9 @@ void requireSteadyState(const FormFactorMatrix& f, const PatchSet& patches, cons
       changed = false;
       std::vector<size_t> left;
       for (const size_t i : undrained) {
-        const auto row = f[i];
-        for (size_t j = 0; j < row.size() && !drained[i]; ++j) drained[i] = row[j] > 0 && drained[j];
+        f[i].forEach([&](size_t j, double) {
+          if (drained[j]) drained[i] = true;
+        });
         if (drained[i])
           changed = true;
         else
@@ -180,11 +227,11 @@ void requireSteadyState(const FormFactorMatrix& f, const PatchSet& patches, cons
 
 }  // namespace
 
-Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, const Scene& scene,
-                        const SolveOptions& options, const Log& log) {
+Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct,
+                        const Scene& scene, const SolveOptions& options, const Log& log) {
   requireSteadyState(f, patches, scene, options.sky);
-  System system(f, patches, options.sky);
-  Channels& b = system.radiosity;
+  const System system(f, patches, direct, options.sky);
+  Field b(system.start());
   Solution result;
   Progress progress(log, "solve", "sweeps", 0);
 
@@ -201,7 +248,7 @@ Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, cons
     const double change =
         options.kind == SolverKind::gaussSeidel ? sweepGaussSeidel(system, b) : sweepJacobi(system, b);
     progress.update(++result.sweeps);
-    const double reference = referenceRadiosity(patches, b);
+    const double reference = referenceRadiosity(patches, b.columns());
     const bool lastSweep = result.sweeps == options.maxSweeps;
     if (!std::isfinite(change) || change > 1e3 * firstResidual) {
       throw Error(
@@ -215,7 +262,7 @@ Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, cons
     r = residualOf(system, b);
     result.residual = largest(r);
     // One more sweep on the residual shows how much a sweep still takes off the slowest part.
-    const double next = largest(reflectOnce(system, r));
+    const double next = largest(reflectOnce(system, Field(r)));
     result.contraction = result.residual > 0 ? std::min(next / result.residual, bound) : 0;
     const double room = 1 - result.contraction;
     result.error = reference > 0 && room > 0 ? result.residual / room / reference : result.residual > 0 ? 1e300 : 0;
@@ -230,26 +277,28 @@ Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, cons
     const auto k = static_cast<Eigen::Index>(i);
     const Eigen::RowVector3d h = system.source.row(k) + system.gather(i, b);
     result.irradiance[i] = {h[0], h[1], h[2]};
-    result.radiosity[i] = {b(k, 0), b(k, 1), b(k, 2)};
+    result.radiosity[i] = {b.columns()(k, 0), b.columns()(k, 1), b.columns()(k, 2)};
+    if (direct.isApart(i)) result.radiosity[i] += patches.patches[i].emission;
   });
   return result;
 }
 
 EnergyBalance energyBalance(const FormFactorMatrix& f, const PatchSet& patches, const Solution& solution,
-                            const Rgb& sky) {
+                            const Rgb& sky, const std::vector<Rgb>& fromPunctual) {
   EnergyBalance e;
   for (size_t i = 0; i < patches.size(); ++i) {
     const Patch& p = patches.patches[i];
     const RowShares& s = f.shares(i);
     const double area = p.area * s.exposed;
     e.emitted += area * p.emission;
+    if (!fromPunctual.empty()) e.fromPunctual += area * fromPunctual[i];
     e.fromSky += area * s.missed * sky;
     e.absorbed += area * (Rgb(1) - p.reflectance) * solution.irradiance[i];
     e.toOpen += area * s.missed * solution.radiosity[i];
     e.toBacks += area * s.backs * solution.radiosity[i];
   }
   for (int c = 0; c < 3; ++c) {
-    const double in = e.emitted[c] + e.fromSky[c];
+    const double in = e.emitted[c] + e.fromSky[c] + e.fromPunctual[c];
     if (in > 0)
       e.relativeError = std::max(e.relativeError, std::abs(e.absorbed[c] + e.toOpen[c] + e.toBacks[c] - in) / in);
   }

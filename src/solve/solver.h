@@ -1,7 +1,9 @@
-// The radiosity system B = E + rho H, H = F B (+ sky), three channels with one F.
+// The radiosity system B = E + rho H, H = F B (+ sky), three channels with one F. With emitters apart: B = E + R for
+// them and H = D + F R, where D is the direct irradiance that they give.
 #pragma once
 
 #include "formfactor/form_factors.h"
+#include "light/direct.h"
 
 #include <string>
 #include <vector>
@@ -21,7 +23,7 @@ struct SolveOptions {
 
 struct Solution {
   std::vector<Rgb> radiosity;   // B [flux per area], one per patch
-  std::vector<Rgb> irradiance;  // H = sum_j F_ij B_j + missed_i sky [flux per area]
+  std::vector<Rgb> irradiance;  // H = D_i + sum_j F_ij B_j (without E of emitters apart) + missed_i sky
 
   bool converged = true;
   size_t sweeps = 0;
@@ -33,20 +35,20 @@ struct Solution {
 // B and the residual are in double. Throws Error when the scene has no steady state: a closed part that
 // receives light and absorbs none (naming a surface and channel), or a residual that grows. Not converging
 // within maxSweeps is an answer, not an error.
-Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, const Scene& scene,
-                        const SolveOptions& options, const Log& log);
+Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct,
+                        const Scene& scene, const SolveOptions& options, const Log& log);
 
 // Power in and out of the scene, per channel [flux]; for a converged solution of a reciprocal F,
-// emitted + fromSky = absorbed + toOpen + toBacks.
+// emitted + fromSky + fromPunctual = absorbed + toOpen + toBacks. Of punctual lights only what reaches surfaces counts.
 struct EnergyBalance {
-  Rgb emitted{0}, fromSky{0}, absorbed{0}, toOpen{0}, toBacks{0};
+  Rgb emitted{0}, fromSky{0}, fromPunctual{0}, absorbed{0}, toOpen{0}, toBacks{0};
   double relativeError = 0;  // worst channel, relative to the power that comes in
 };
 EnergyBalance energyBalance(const FormFactorMatrix& f, const PatchSet& patches, const Solution& solution,
-                            const Rgb& sky);
+                            const Rgb& sky, const std::vector<Rgb>& fromPunctual = {});  // irradiance per patch
 
-// Direct light only, from the centre of each emitting patch as if it were a point, nothing in between and no
+// Direct light only, from punctual lights and the centre of each emitting patch as if it were a point, nothing in between and no
 // interreflection: the local illumination that radiosity is compared with (Figure 2.1 of the thesis).
-Solution localIllumination(const PatchSet& patches, const Rgb& sky);
+Solution localIllumination(const PatchSet& patches, std::span<const PunctualLight> lights, const Rgb& sky);
 
 }  // namespace farol

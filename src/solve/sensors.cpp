@@ -1,0 +1,68 @@
+#include "solve/sensors.h"
+
+#include "formfactor/rays.h"
+
+#include <tbb/parallel_for.h>
+
+namespace farol {
+
+std::vector<SensorReading> readSensors(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches,
+                                       const DirectIrradiance& lamps, const DirectLight& direct,
+                                       const Solution& solution, std::span<const Sensor> sensors,
+                                       const SensorOptions& options) {
+  std::vector<Rgb> carried = solution.radiosity;
+  for (size_t j = 0; j < carried.size(); ++j) {
+    if (direct.isApart(j)) carried[j] -= patches.patches[j].emission;
+  }
+  const HitPatches hitPatches(facets, patches);
+  const uint32_t perBlock = std::max(1u, options.rays / SampleTable::kBlocks);
+  const SampleTable table(perBlock);
+  std::vector<SensorReading> readings(sensors.size());
+  tbb::parallel_for(size_t{0}, sensors.size(), [&](size_t s) {
+    const Vec3 n = sensors[s].normal, point = facets.frame.toUnit(sensors[s].position);
+    const uint64_t seed = mixBits(options.seed * 0x100000001B3ull + s);
+    const double turn = 2 * kPi * unitFromBits(seed);
+    const Vec3 a = anyPerpendicular(n), b = glm::cross(n, a), origin = point + kRayOffset * n;
+    const Vec3 t = std::cos(turn) * a + std::sin(turn) * b, u = std::cos(turn) * b - std::sin(turn) * a;
+    std::vector<Rgb> block(SampleTable::kBlocks, Rgb(0));
+    RayPacket packet;
+    HitPacket hits;
+    for (uint32_t k = 0; k < SampleTable::kBlocks; ++k) {
+      for (uint32_t first = 0; first < perBlock; first += kPacketSize) {
+        const uint32_t lanes = std::min(kPacketSize, perBlock - first);
+        for (uint32_t l = 0; l < lanes; ++l) {
+          const size_t at = size_t{k} * perBlock + first + l;
+          const Vec3 d = static_cast<double>(table.dx[at]) * t + static_cast<double>(table.dy[at]) * u +
+                         static_cast<double>(table.dz[at]) * n;
+          packet.ox[l] = static_cast<float>(origin.x);
+          packet.oy[l] = static_cast<float>(origin.y);
+          packet.oz[l] = static_cast<float>(origin.z);
+          packet.dx[l] = static_cast<float>(d.x);
+          packet.dy[l] = static_cast<float>(d.y);
+          packet.dz[l] = static_cast<float>(d.z);
+        }
+        tracer.intersect(packet, lanes, hits);
+        for (uint32_t l = 0; l < lanes; ++l) {
+          if (hits.facet[l] == kNone) {
+            block[k] += options.sky;
+            continue;
+          }
+          const bool back = tracer.seenFromBehind(hits.facet[l], packet.dx[l], packet.dy[l], packet.dz[l]);
+          const uint32_t patch = hitPatches.at(hits.facet[l], back, hits.u[l], hits.v[l]);
+          if (patch != kNone) block[k] += carried[patch];
+        }
+      }
+      block[k] /= perBlock;
+    }
+    Rgb mean(0), squares(0);
+    for (const Rgb& value : block) mean += value / double{SampleTable::kBlocks};
+    for (const Rgb& value : block) squares += (value - mean) * (value - mean);
+    const Rgb variance = squares / double{SampleTable::kBlocks * (SampleTable::kBlocks - 1)};
+    const DirectIrradiance::Estimate straight = lamps.at(point, n, options.shadowRays, seed);
+    readings[s].irradiance = mean + straight.irradiance;
+    readings[s].error = std::sqrt(maxChannel(variance) + straight.deviation * straight.deviation);
+  });
+  return readings;
+}
+
+}  // namespace farol
