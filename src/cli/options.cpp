@@ -22,6 +22,7 @@ std::string endingOf(const std::string& path) {
 // Values that CLI11 has no type for, as text until they are checked.
 struct RawOptions {
   std::string size = "1280x720", sky, projection = "hemicube", solver = "gauss-seidel", illumination = "global";
+  std::string nearField = "on", emitters = "apart";
 };
 
 // A number in [low, high] that is written out completely; throws a sentence otherwise.
@@ -61,8 +62,8 @@ void addPatches(CLI::App* app, Options& o) {
 }
 
 void addFormFactors(CLI::App* app, Options& o, RawOptions& raw) {
-  app->add_option("--method", o.method, "How rows of F are made")
-      ->check(CLI::IsMember({"auto", "raster"}))
+  app->add_option("--method", o.method, "How rows of F are made: raster, rays, or exact (closed forms; nothing may block)")
+      ->check(CLI::IsMember({"auto", "raster", "rays", "exact"}))
       ->group("Form factors");
   app->add_option("--resolution", o.resolution, "Pixels along a hemicube's edge, even")
       ->check(inRange<uint32_t>(8, 1024))
@@ -75,13 +76,29 @@ void addFormFactors(CLI::App* app, Options& o, RawOptions& raw) {
   app->add_option("--positions", o.positions, "Hemicubes per patch, spread over its area")
       ->check(inRange<int>(1, 4096))
       ->group("Form factors");
-  app->add_option("--seed", o.seed, "Turns of the hemicubes about the normal")
+  app->add_option("--near-field", raw.nearField, "Correct near entries of raster rows of one position: on or off")
+      ->check(CLI::IsMember({"on", "off"}))
+      ->group("Form factors");
+  app->add_option("--rays", o.rays, "Rays per patch; 0: 256, or 4096 for factors and compare and with --emitters matrix")
+      ->check(inRange<uint32_t>(0, 1u << 22))
+      ->group("Form factors");
+  app->add_option("--seed", o.seed, "Of all random choices: turns of hemicubes, shifts of rays")
       ->check(inRange<uint64_t>(0, UINT64_MAX))
       ->group("Form factors");
   app->add_option("--sky", raw.sky, "Radiosity r,g,b of what lies outside the scene")->group("Light");
 }
 
+void addLight(CLI::App* app, Options& o, RawOptions& raw) {
+  app->add_option("--emitters", raw.emitters, "apart: small bright lamps light directly, F carries the rest; or matrix")
+      ->check(CLI::IsMember({"apart", "matrix"}))
+      ->group("Light");
+  app->add_option("--shadow-rays", o.shadowRays, "Shadow rays per patch, shared by all lamps")
+      ->check(inRange<uint32_t>(1, 1u << 20))
+      ->group("Light");
+}
+
 void addSolve(CLI::App* app, Options& o, RawOptions& raw) {
+  addLight(app, o, raw);
   app->add_option("--solver", raw.solver, "gauss-seidel or jacobi")
       ->check(CLI::IsMember({"gauss-seidel", "jacobi"}))
       ->group("Solution");
@@ -95,6 +112,13 @@ void addSolve(CLI::App* app, Options& o, RawOptions& raw) {
       ->check(CLI::IsMember({"global", "local"}))
       ->group("Solution");
   app->add_option("--patches-csv", o.patchesCsv, "Write a line per patch")->group("Results");
+  auto* sensors = app->add_option("--sensors", o.sensors,
+                                  "Points to read irradiance at: lines x,y,z,nx,ny,nz or "
+                                  "grid,x,y,z,ux,uy,uz,vx,vy,vz,nu,nv");
+  sensors->group("Results");
+  app->add_option("--sensors-out", o.sensorsOut, "Readings; default: the sensors' file with .out.csv")
+      ->needs(sensors)
+      ->group("Results");
 }
 
 void addMachine(CLI::App* app, Options& o) {
@@ -185,8 +209,19 @@ std::string unknownArgument(const CLI::App& app) {
 }  // namespace
 
 const char* commandName(Command command) {
-  constexpr const char* names[] = {"", "render", "solve", "factors", "info", "devices"};
+  constexpr const char* names[] = {"", "render", "solve", "factors", "compare", "info", "devices"};
   return names[static_cast<size_t>(command)];
+}
+
+const char* methodName(MethodSpec::Kind kind) {
+  constexpr const char* names[] = {"raster", "rays", "exact"};
+  return names[static_cast<size_t>(kind)];
+}
+
+uint32_t raysOf(const Options& o) {
+  if (o.rays > 0) return o.rays;
+  const bool forItsOwnSake = o.command == Command::factors || o.command == Command::compare;
+  return forItsOwnSake || !o.emittersApart ? 4096 : 256;
 }
 
 const char* projectionName(Projection projection) {
@@ -217,10 +252,11 @@ Options parseOptions(int argc, char** argv, bool& handled) {
   CLI::App* render = command("render", "Solve, then draw the camera's view", Command::render);
   CLI::App* solve = command("solve", "Solve; write the lit scene for any glTF viewer", Command::solve);
   CLI::App* factors = command("factors", "Form factors only", Command::factors);
+  CLI::App* compare = command("compare", "Two methods row by row, or a method and a file of factors", Command::compare);
   CLI::App* info = command("info", "What is in the scene, what would be done, memory and time forecast; writes nothing",
                            Command::info);
   command("devices", "Vulkan devices and CPU features", Command::devices);
-  for (CLI::App* sub : {render, solve, factors, info}) {
+  for (CLI::App* sub : {render, solve, factors, compare, info}) {
     addScene(sub, o);
     addPatches(sub, o);
     addFormFactors(sub, o, raw);
@@ -234,6 +270,14 @@ Options parseOptions(int argc, char** argv, bool& handled) {
   factors->add_option("--by", o.by, "surface or patch; default: surface for .csv, patch otherwise")
       ->check(CLI::IsMember({"surface", "patch"}))
       ->group("Results");
+  const char* methodHelp = "raster:R[@DEVICE][,tetrahedron][,positions=P][,near-field=off], rays:K, exact, or F.npy";
+  compare->add_option("A", o.methodA, methodHelp)->required();
+  compare->add_option("B", o.methodB, methodHelp)->required();
+  compare->add_option("-o,--output", o.output, "Picture of where they differ: .png")->group("Results");
+  compare->add_option("--camera", o.camera, "Camera by name; default: the first")->group("Picture");
+  compare->add_option("--size", raw.size, "WIDTHxHEIGHT in pixels")->group("Picture");
+  addLight(compare, o, raw);
+  addLight(info, o, raw);
   addSolve(render, o, raw);
   addSolve(solve, o, raw);
   render->add_option("--camera", o.camera, "Camera by name; default: the first")->group("Picture");
@@ -263,8 +307,15 @@ Options parseOptions(int argc, char** argv, bool& handled) {
   o.solver = kSolvers.at(raw.solver);
   o.localIllumination = raw.illumination == "local";
   o.sky = parseSky(raw.sky);
+  o.nearField = raw.nearField == "on";
+  o.emittersApart = raw.emitters == "apart";
+  if (!o.sensors.empty() && o.sensorsOut.empty()) {
+    const std::string ending = endingOf(o.sensors);
+    o.sensorsOut = o.sensors.substr(0, o.sensors.size() - ending.size()) + ".out.csv";
+  }
   parseSize(raw.size, o);
   if (o.command == Command::render) checkEnding(o.output, {".png", ".exr"});
+  if (o.command == Command::compare) checkEnding(o.output, {".png"});
   if (o.command == Command::solve) checkEnding(o.output, {".glb"});
   if (o.command == Command::factors) {
     checkEnding(o.output, {".csv", ".npy", ".mtx"});
@@ -277,21 +328,31 @@ Options parseOptions(int argc, char** argv, bool& handled) {
   return o;
 }
 
-std::string explicitCommand(const Options& o) {
+std::string explicitCommand(const Options& o, const MethodSpec& method) {
   std::string text = fmt::format("farol {} {}", commandName(o.command), o.scene);
+  if (o.command == Command::compare) text += fmt::format(" {} {}", o.methodA, o.methodB);
   const auto add = [&text](const char* name, const auto& value) { text += fmt::format(" {} {}", name, value); };
   if (!o.output.empty()) add("-o", o.output);
   if (o.patchSize > 0)
     add("--patch-size", o.patchSize);
   else
     add("--patches", o.patches);
-  add("--method", "raster");
-  add("--resolution", o.resolution);
-  add("--projection", projectionName(o.projection));
-  add("--positions", o.positions);
+  if (o.command != Command::compare) add("--method", methodName(method.kind));
+  if (method.kind == MethodSpec::Kind::raster) {
+    add("--resolution", method.resolution);
+    add("--projection", projectionName(method.projection));
+    add("--positions", method.positions);
+    add("--near-field", method.nearField ? "on" : "off");
+  } else if (method.kind == MethodSpec::Kind::rays) {
+    add("--rays", method.rays);
+  }
   add("--seed", o.seed);
   if (o.command == Command::factors) add("--by", o.by);
   if (maxChannel(o.sky) > 0) add("--sky", fmt::format("{},{},{}", o.sky.r, o.sky.g, o.sky.b));
+  if (o.command != Command::factors) {
+    add("--emitters", o.emittersApart ? "apart" : "matrix");
+    add("--shadow-rays", o.shadowRays);
+  }
   if (o.command == Command::render || o.command == Command::solve) {
     add("--solver", solverName(o.solver));
     add("--residual", o.residual);
@@ -305,6 +366,10 @@ std::string explicitCommand(const Options& o) {
   }
   if (!o.device.empty()) add("--device", o.device);
   if (!o.patchesCsv.empty()) add("--patches-csv", o.patchesCsv);
+  if (!o.sensors.empty()) {
+    add("--sensors", o.sensors);
+    add("--sensors-out", o.sensorsOut);
+  }
   return text;
 }
 

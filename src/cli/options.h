@@ -9,7 +9,20 @@
 
 namespace farol {
 
-enum class Command { none, render, solve, factors, info, devices };
+enum class Command { none, render, solve, factors, compare, info, devices };
+
+// One way to make rows of F, with its settings.
+struct MethodSpec {
+  enum class Kind { raster, rays, exact };
+  Kind kind = Kind::rays;
+  uint32_t resolution = 64;
+  Projection projection = Projection::hemicube;
+  int positions = 1;
+  bool nearField = true;
+  std::string device;  // raster: as --device
+  uint32_t rays = 256;
+  uint64_t seed = 1;
+};
 
 struct Options {
   Command command = Command::none;
@@ -24,11 +37,18 @@ struct Options {
   uint32_t resolution = 64;
   Projection projection = Projection::hemicube;
   int positions = 1;
+  uint32_t rays = 0;  // 0: 256, or 4096 for factors, compare and with emitters in F
+  bool nearField = true;
   uint64_t seed = 1;
   std::string by;  // factors: "surface" or "patch"; empty: from the file's ending
 
+  // compare
+  std::string methodA, methodB;
+
   // light and solution
   Rgb sky{0};
+  bool emittersApart = true;
+  uint32_t shadowRays = 64;
   SolverKind solver = SolverKind::gaussSeidel;
   double residual = 1e-5;
   size_t maxSweeps = 100000;
@@ -46,6 +66,7 @@ struct Options {
 
   // results beside the main one
   std::string patchesCsv, report;
+  std::string sensors, sensorsOut;  // empty output: the input's name with .out.csv
   bool quiet = false;
 };
 
@@ -53,10 +74,12 @@ struct Options {
 // do.
 Options parseOptions(int argc, char** argv, bool& handled);
 
-// A command line that states every option in force and repeats the run.
-std::string explicitCommand(const Options& options);
+// A command line that states every option in force and repeats the run with the method that was chosen.
+std::string explicitCommand(const Options& options, const MethodSpec& method);
 
 const char* commandName(Command command);
+const char* methodName(MethodSpec::Kind kind);
+uint32_t raysOf(const Options& options);
 const char* projectionName(Projection projection);
 const char* solverName(SolverKind kind);
 

@@ -21,6 +21,11 @@ json optionsOf(const Options& o) {
           {"resolution", o.resolution},
           {"projection", projectionName(o.projection)},
           {"positions", o.positions},
+          {"near_field", o.nearField},
+          {"rays", raysOf(o)},
+          {"emitters", o.emittersApart ? "apart" : "matrix"},
+          {"shadow_rays", o.shadowRays},
+          {"sensors", o.sensors},
           {"seed", o.seed},
           {"sky", channels(o.sky)},
           {"solver", solverName(o.solver)},
@@ -33,6 +38,40 @@ json optionsOf(const Options& o) {
           {"device", o.device},
           {"memory", o.memory},
           {"threads", o.threads}};
+}
+
+json sideOf(const std::string& name, const FormFactorChecks& c, double seconds) {
+  return {{"method", name},
+          {"seconds", seconds},
+          {"row_sums", {{"min", c.rowSumMin}, {"mean", c.rowSumMean}, {"max", c.rowSumMax}}},
+          {"missed", c.missed},
+          {"backs", c.backs},
+          {"reciprocity_error", c.reciprocityRms}};
+}
+
+json comparisonOf(const ComparisonReport& r) {
+  const Comparison& c = r.comparison;
+  json rows = json::array();
+  for (const RowDifference& d : c.rows) rows.push_back({d.l1, d.largest, d.estimate});
+  const RowDifference& worst = c.rows[c.worst];
+  return {{"a", sideOf(r.a, r.checksA, r.secondsA)},
+          {"b", sideOf(r.b, r.checksB, r.secondsB)},
+          {"l1_mean", c.l1Mean},
+          {"l1_rms", c.rms},
+          {"l1_max", c.l1Max},
+          {"entry_max", c.largest},
+          {"within_estimate", c.withinEstimate},
+          {"irradiance_rms", r.irradianceChange},
+          {"worst_row",
+           {{"patch", c.worst},
+            {"surface", r.worst[0]},
+            {"l1", worst.l1},
+            {"estimate", worst.estimate},
+            {"more_of", r.worst[1]},
+            {"more_by", worst.moreBy},
+            {"less_of", r.worst[2]},
+            {"less_by", -worst.lessBy}}},
+          {"rows_l1_max_estimate", rows}};
 }
 
 }  // namespace
@@ -56,7 +95,7 @@ void writeReport(const std::string& path, const Report& r) {
   j["command"] = commandName(r.options.command);
   j["scene"] = r.options.scene;
   j["options"] = optionsOf(r.options);
-  j["equivalent_command"] = explicitCommand(r.options);
+  j["equivalent_command"] = explicitCommand(r.options, r.method);
   j["cpu"] = {{"threads", std::thread::hardware_concurrency()}, {"features", cpuFeatures()}};
   if (r.device) {
     j["device"] = {{"name", r.device->name},
@@ -77,15 +116,29 @@ void writeReport(const std::string& path, const Report& r) {
                  {"duplicate_triangles", r.duplicate},
                  {"welded_vertices", r.welded}};
   j["area"] = r.area;
-  j["method"] = {
-      {"form_factors", r.checks ? "raster" : "none"},
-      {"why", r.options.method == "auto" ? "the only method for scenes of diffuse surfaces so far" : "asked for"}};
+  if (!r.embree.empty()) j["embree"] = r.embree;
+  j["method"] = {{"form_factors", r.checks ? methodName(r.method.kind) : "none"}, {"why", r.why}};
+  if (!r.lampsWhy.empty()) {
+    j["light"] = {{"lamps_apart", r.lamps},
+                  {"emitters", r.emitters},
+                  {"why", r.lampsWhy},
+                  {"shadow_rays", r.shadowRays}};
+  }
   j["matrix_bytes"] = r.matrixBytes;
   if (r.checks) {
     const FormFactorChecks& c = *r.checks;
     j["row_sums"] = {{"min", c.rowSumMin}, {"mean", c.rowSumMean}, {"max", c.rowSumMax}};
     j["shares"] = {{"missed", c.missed}, {"cut", 0.0}, {"backs", c.backs}, {"covered_area", c.covered}};
     j["reciprocity_error"] = c.reciprocityRms;
+    j["pairs_checked_among"] = c.pairPatches;
+    j["near_field_factors"] = {{"min", c.correctionMin}, {"max", c.correctionMax}};
+    j["entries"] = {{"min", c.smallest}, {"max", c.largest}, {"largest_share_of_area_bound", c.worstArea}};
+    j["row_error"] = {{"mean_l1", r.rowErrorMean},
+                      {"max_l1", r.rowErrorMax},
+                      {"samples", r.errorModel.samples},
+                      {"entry_factor", r.errorModel.entry},
+                      {"row_factor", r.errorModel.row},
+                      {"probe_rows", r.errorModel.probes}};
   }
   if (r.solution) {
     const Solution& s = *r.solution;
@@ -99,9 +152,12 @@ void writeReport(const std::string& path, const Report& r) {
     const EnergyBalance& e = *r.energy;
     j["energy"] = {{"emitted", channels(e.emitted)},   {"from_sky", channels(e.fromSky)},
                    {"absorbed", channels(e.absorbed)}, {"to_open", channels(e.toOpen)},
-                   {"to_backs", channels(e.toBacks)},  {"relative_error", e.relativeError}};
+                   {"to_backs", channels(e.toBacks)},  {"from_punctual_lights", channels(e.fromPunctual)},
+                   {"relative_error", e.relativeError}};
   }
-  j["estimated_error"] = nullptr;  // no error estimate exists yet
+  j["estimated_error"] = r.estimatedError ? json(*r.estimatedError) : json(nullptr);
+  if (r.sensors > 0) j["sensors"] = r.sensors;
+  if (r.comparison) j["comparison"] = comparisonOf(*r.comparison);
   if (r.displayScale) j["display_scale"] = *r.displayScale;
   j["stages"] = json::array();
   uint64_t peak = peakMemoryBytes();

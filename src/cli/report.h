@@ -3,6 +3,7 @@
 
 #include "base/machine.h"
 #include "cli/options.h"
+#include "formfactor/comparison.h"
 #include "gpu/gpu.h"
 
 #include <optional>
@@ -11,8 +12,20 @@
 
 namespace farol {
 
+struct ComparisonReport {
+  std::string a, b;
+  Comparison comparison;
+  FormFactorChecks checksA, checksB;
+  double irradianceChange = 0;
+  double secondsA = 0, secondsB = 0;
+  std::vector<std::string> worst;  // surfaces: of the worst row, of what A sees most more and most less of
+};
+
 struct Report {
   Options options;
+  MethodSpec method;  // the one chosen
+  std::string why;
+  std::string embree;
   std::optional<gpu::DeviceInfo> device;
   size_t surfaces = 0, triangles = 0, facets = 0, cells = 0, patches = 0, specularPatches = 0, emittingPatches = 0;
   double area = 0;  // of all patches [scene units squared]
@@ -22,6 +35,13 @@ struct Report {
   uint32_t batch = 0;        // hemicubes per submission
   uint64_t deviceBytes = 0;  // device memory for batches
   std::optional<FormFactorChecks> checks;
+  ErrorModel errorModel;
+  double rowErrorMean = 0, rowErrorMax = 0;  // estimated L1 errors of rows
+  size_t lamps = 0, emitters = 0;            // apart, and in all
+  std::string lampsWhy;
+  size_t shadowRays = 0, sensors = 0;
+  std::optional<double> estimatedError;  // of H, rms relative to its mean
+  std::optional<ComparisonReport> comparison;
   std::optional<Solution> solution;  // figures only: without the vectors
   std::optional<EnergyBalance> energy;
   std::optional<double> displayScale;

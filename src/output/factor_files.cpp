@@ -1,7 +1,11 @@
+#include "base/error.h"
 #include "base/output_file.h"
 #include "output/output.h"
 
 #include <fmt/ostream.h>
+#include <fstream>
+#include <numeric>
+#include <regex>
 
 namespace farol {
 
@@ -14,10 +18,10 @@ void writeFactorsNpy(const std::string& path, const FormFactorMatrix& f) {
   header += '\n';
   file.stream() << "\x93NUMPY" << '\x01' << '\0' << static_cast<char>(header.size() % 256)
                 << static_cast<char>(header.size() / 256) << header;
-  const std::vector<float> empty(f.size(), 0.0f);
   for (size_t i = 0; i < f.size(); ++i) {
-    const std::span<const float> row = f[i].empty() ? std::span<const float>(empty) : f[i];
-    file.stream().write(reinterpret_cast<const char*>(row.data()), static_cast<std::streamsize>(row.size_bytes()));
+    const std::vector<float> row = f[i].expanded();
+    file.stream().write(reinterpret_cast<const char*>(row.data()),
+                        static_cast<std::streamsize>(row.size() * sizeof(float)));
   }
   file.commit();
 }
@@ -25,7 +29,7 @@ void writeFactorsNpy(const std::string& path, const FormFactorMatrix& f) {
 void writeFactorsMtx(const std::string& path, const FormFactorMatrix& f) {
   size_t entries = 0;
   for (size_t i = 0; i < f.size(); ++i) {
-    for (const float v : f[i]) entries += v > 0 ? 1 : 0;
+    for (const float v : f[i].expanded()) entries += v > 0 ? 1 : 0;
   }
   OutputFile file(path);
   fmt::print(file.stream(),
@@ -33,12 +37,43 @@ void writeFactorsMtx(const std::string& path, const FormFactorMatrix& f) {
              "patch j\n{} {} {}\n",
              f.size(), f.size(), entries);
   for (size_t i = 0; i < f.size(); ++i) {
-    const auto row = f[i];
+    const std::vector<float> row = f[i].expanded();
     for (size_t j = 0; j < row.size(); ++j) {
       if (row[j] > 0) fmt::print(file.stream(), "{} {} {}\n", i + 1, j + 1, row[j]);
     }
   }
   file.commit();
+}
+
+FormFactorMatrix loadFactorsNpy(const std::string& path, size_t patches) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) throw Error("{}: the file of factors cannot be read", path);
+  char start[10] = {};
+  file.read(start, sizeof start);
+  if (!file || std::string(start, 6) != "\x93NUMPY" || start[6] != 1)
+    throw Error("{}: not a NumPy file of version 1", path);
+  std::string header(static_cast<unsigned char>(start[8]) + 256u * static_cast<unsigned char>(start[9]), ' ');
+  file.read(header.data(), static_cast<std::streamsize>(header.size()));
+  std::smatch shape;
+  const bool known = header.find("'<f4'") != std::string::npos && header.find("'fortran_order': False") != std::string::npos;
+  if (!file || !known || !std::regex_search(header, shape, std::regex("'shape': \\(([0-9]+), ([0-9]+)\\)")))
+    throw Error("{}: not a matrix of little-endian float32 in rows", path);
+  if (shape[1] != std::to_string(patches) || shape[2] != std::to_string(patches)) {
+    throw Error("{}: holds {} x {} factors, the scene has {} patches with these options", path, shape[1].str(),
+                shape[2].str(), patches);
+  }
+  FormFactorMatrix f(patches);
+  for (uint32_t i = 0; i < patches; ++i) {
+    const std::span<float> row = f.row(i);
+    file.read(reinterpret_cast<char*>(row.data()), static_cast<std::streamsize>(row.size_bytes()));
+    if (!file) throw Error("{}: ends in row {} of {}", path, i, patches);
+    for (const float v : row) {
+      if (!(v >= 0 && v <= 1)) throw Error("{}: row {} holds {}, outside [0, 1]", path, i, v);
+    }
+    const double sum = std::accumulate(row.begin(), row.end(), 0.0);
+    f.finish(i, {std::max(0.0, 1 - sum), 0, sum > 0 ? 1.0 : 0.0});
+  }
+  return f;
 }
 
 }  // namespace farol

@@ -15,24 +15,34 @@ std::string csvField(const std::string& text) {
   return quoted + "\"";
 }
 
-std::string triple(const Vec3& v) {
-  return fmt::format("{},{},{}", v.x, v.y, v.z);
+// A number after a comma.
+void append(std::string& line, double value) {
+  fmt::format_to(std::back_inserter(line), ",{}", value);
+}
+void append(std::string& line, const Vec3& v) {
+  for (int c = 0; c < 3; ++c) append(line, v[c]);
 }
 
 }  // namespace
 
 void writePatchesCsv(const std::string& path, const Scene& scene, const PatchSet& patches, const FormFactorMatrix* f,
-                     const Solution& solution) {
+                     const Solution& solution, const std::vector<double>& error) {
   OutputFile file(path);
   file.stream() << "patch,surface,cx,cy,cz,nx,ny,nz,area,rho_r,rho_g,rho_b,E_r,E_g,E_b,B_r,B_g,B_b,H_r,H_g,H_b,exposed_"
                    "area,err\r\n";
+  std::string lines;
   for (size_t i = 0; i < patches.size(); ++i) {
     const Patch& p = patches.patches[i];
-    const double exposed = f != nullptr ? f->shares(i).exposed : 1;
-    fmt::print(file.stream(), "{},{},{},{},{},{},{},{},{},{},nan\r\n", i, csvField(surfaceNameOf(scene, p)),
-               triple(p.centre), triple(p.normal), p.area, triple(p.reflectance), triple(p.emission),
-               triple(solution.radiosity[i]), triple(solution.irradiance[i]), p.area * exposed);
+    lines += fmt::format_int(i).c_str();
+    lines += ',' + csvField(surfaceNameOf(scene, p));
+    for (const Vec3& v : {p.centre, p.normal}) append(lines, v);
+    append(lines, p.area);
+    for (const Rgb& c : {p.reflectance, p.emission, solution.radiosity[i], solution.irradiance[i]}) append(lines, c);
+    append(lines, p.area * (f != nullptr ? f->shares(i).exposed : 1));
+    append(lines, error.empty() ? std::nan("") : error[i]);
+    lines += "\r\n";
   }
+  file.stream() << lines;
   file.commit();
 }
 
@@ -55,8 +65,7 @@ void writeFactorsBySurface(const std::string& path, const Scene& scene, const Pa
     const size_t s = surfaceOf[i];
     area[s] += weight;
     open[s] += weight * shares.missed;
-    const auto row = f[i];
-    for (size_t j = 0; j < row.size(); ++j) sums[s][surfaceOf[j]] += weight * static_cast<double>(row[j]);
+    f[i].forEach([&](size_t j, double value) { sums[s][surfaceOf[j]] += weight * value; });
   }
   OutputFile file(path);
   file.stream() << "surface,area";

@@ -349,10 +349,6 @@ class Loader {
       log_.note(fmt::format("metal of roughness above {} ({:.4g} square units) counts as diffuse", kMirrorRoughness,
                             roughMetalArea_));
     }
-    if (!scene_.lights.empty()) {
-      log_.warn(fmt::format("{} punctual lights were read but give no light yet: only emissive surfaces do",
-                            scene_.lights.size()));
-    }
   }
 
   Document document_;

@@ -49,8 +49,8 @@ shader::vec4 rowOf(const Row& r) {
 
 class Shader {
  public:
-  Shader(const Scene& scene, const FacetSet& facets, const NodeIrradiance& irradiance, const Rgb& sky)
-      : scene_(scene), facets_(facets), irradiance_(irradiance), sky_(sky / kPi) {}
+  Shader(const Scene& scene, const FacetSet& facets, const NodeIrradiance& irradiance, const ViewOptions& options)
+      : scene_(scene), facets_(facets), irradiance_(irradiance), options_(options), sky_(options.sky / kPi) {}
 
   Rgb radiance(uint32_t seen, Vec2 uv) const {
     if (seen == kNothing) return sky_;
@@ -58,6 +58,11 @@ class Shader {
     const bool back = (seen & shader::kBackBit) != 0;
     if (!irradiance_.has(facet, back)) return Rgb(0);
     const Facet& f = facets_.facets[facet];
+    if (options_.colors != nullptr) {
+      const CellGrid& grid = options_.patches->grids[facet];
+      const uint32_t cell = (back ? grid.backCell : grid.frontCell) + cellAt(grid, f.parallelogram, uv.x, uv.y);
+      return (*options_.colors)[options_.patches->cellMap[cell]];
+    }
     const Surface& surface = scene_.surfaces[f.surface];
     const Optics o = scene_.materials[surface.material].evaluate(scene_.textures, attributesAt(surface, f, uv.x, uv.y));
     return (o.emission + o.diffuse * irradiance_.at(facet, back, uv.x, uv.y)) / kPi;
@@ -73,6 +78,7 @@ class Shader {
   const Scene& scene_;
   const FacetSet& facets_;
   const NodeIrradiance& irradiance_;
+  const ViewOptions& options_;
   Rgb sky_;
 };
 
@@ -131,7 +137,7 @@ Image renderView(const gpu::Device& device, const Scene& scene, const FacetSet& 
   const Vec3 origin = facets.frame.toUnit(camera.position);
   const double aspect = static_cast<double>(options.width) / options.height;
   const Projection4 whole = projectionOf(camera, aspect, facets.frame.size, glm::length(origin));
-  const Shader shade(scene, facets, irradiance, options.sky);
+  const Shader shade(scene, facets, irradiance, options);
   Image image{options.width, options.height, {}};
   image.rgb.resize(size_t{3} * options.width * options.height);
 

@@ -13,6 +13,9 @@ struct ViewOptions {
   uint32_t width = 1280, height = 720;
   uint32_t samples = 4;  // along an edge of a pixel
   Rgb sky{0};            // radiosity of the background
+  // Colours to show instead of light, flat per patch; both or none.
+  const PatchSet* patches = nullptr;
+  const std::vector<Rgb>* colors = nullptr;
 };
 
 // Linear radiance per pixel.
