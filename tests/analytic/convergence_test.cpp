@@ -37,7 +37,7 @@ double rowError(uint32_t resolution, Projection projection) {
         const Vec2 uv = cellPoint(run.patches.grids[cell.facet], true, cell, corner.x, corner.y);
         polygon.push_back(run.facets.point(facet, uv.x, uv.y));
       }
-      error += std::abs(static_cast<double>(run.f[receiver][j]) -
+      error += std::abs(run.f[receiver].at(j) -
                         (j == receiver ? 0 : pointToPolygon(eye, normal, polygon)));
     }
     squares += error * error;

@@ -1,5 +1,6 @@
 // Raster form factors against the closed forms and converged values of form_factors.json (sources per case there).
 #include "raster_run.h"
+#include "truth_cases.h"
 
 #include <cmath>
 #include <gtest/gtest.h>
@@ -9,59 +10,11 @@ namespace {
 
 using nlohmann::json;
 
-Vec3 vec(const json& a) {
-  return {a[0].get<double>(), a[1].get<double>(), a[2].get<double>()};
-}
-
-// A differential element becomes a square so small that its size does not show (1e-3 of the distances).
-TestSurface element(const json& s) {
-  const Vec3 p = vec(s["point"]), n = glm::normalize(vec(s["normal"])), a = anyPerpendicular(n), b = glm::cross(n, a);
-  constexpr double h = 5e-4;
-  return {"element", {{p - h * a - h * b, p + h * a - h * b, p + h * a + h * b, p - h * a + h * b}}};
-}
-
-std::vector<TestSurface> surfacesOf(const json& testCase, int segments) {
-  std::vector<TestSurface> result;
-  for (const json& s : testCase["surfaces"]) {
-    const std::string kind = s["kind"], name = s["name"];
-    if (kind == "element") {
-      result.push_back(element(s));
-    } else if (kind == "disk") {
-      result.push_back(disk(name, s["radius"], vec(s["center"]), glm::normalize(vec(s["normal"])), segments));
-    } else if (kind == "sphere") {
-      std::vector<double> zones = {-1, 1};
-      std::string base = name;
-      if (testCase["surfaces"].size() > 1 && testCase["surfaces"][1]["kind"] == "spherical cap") {
-        zones = {-1, std::cos(testCase["surfaces"][1]["half_angle_deg"].get<double>() * kPi / 180), 1};
-        base = "zone";  // zone0 is the rest, zone1 the cap
-      }
-      for (TestSurface& zone : sphereZones(base, s["radius"], s["facing"] == "in", zones, segments))
-        result.push_back(std::move(zone));
-    } else if (kind == "polygon") {
-      TestSurface surface{name, {{}}};
-      for (const json& v : s["vertices"]) surface.polygons[0].push_back(vec(v));
-      surface.twoSided = s.value("two_sided", false);
-      result.push_back(surface);
-    }
-  }
-  return result;
-}
-
-std::string renamed(const std::string& name, const std::string& id) {
-  if (!id.starts_with("A11")) return name;
-  return name == "cap" ? "zone1" : "zone0";
-}
-
-const std::vector<json>& cases() {
-  static const std::vector<json> all = json::parse(readText(FAROL_TESTS "/analytic/form_factors.json"))["cases"];
-  return all;
-}
-
 class RasterFormFactors : public ::testing::TestWithParam<size_t> {
  protected:
-  const json& testCase() const { return cases()[GetParam()]; }
-  bool hasSphere() const { return testCase()["surfaces"][0]["kind"] == "sphere"; }
-  bool hasElement() const { return testCase()["surfaces"][0]["kind"] == "element"; }
+  TruthCase truth{GetParam()};
+  bool hasSphere() const { return truth.hasSphere(); }
+  bool hasElement() const { return truth.hasElement(); }
 };
 
 // 9 hemicubes of R = 128 on each of about 400 patches: within 0.3 % + 1e-5 (factors below 1e-5 are out of reach of
@@ -77,10 +30,10 @@ TEST_P(RasterFormFactors, MatchClosedForm) {
   else
     patches.count = 400;
   if (hasSphere()) options.positions = 4;  // many small facets need fewer positions each
-  RasterRun run(loadSurfaces(surfacesOf(testCase(), hasSphere() ? 24 : 64)), patches, options);
-  RasterRun coarse(loadSurfaces(surfacesOf(testCase(), 12)), patches, options);
-  for (const json& e : testCase()["expected"]) {
-    const std::string id = testCase()["id"], from = renamed(e["from"], id), to = renamed(e["to"], id);
+  RasterRun run(loadSurfaces(truth.surfaces(hasSphere() ? 24 : 64)), patches, options);
+  RasterRun coarse(loadSurfaces(truth.surfaces(12)), patches, options);
+  for (const json& e : truth.json["expected"]) {
+    const std::string id = truth.id(), from = truth.renamed(e["from"]), to = truth.renamed(e["to"]);
     const double value = e["value"];
     double found = run.factor(from, to);
     // A polyhedron differs from its sphere by the square of the facet size: two sizes give the limit (Richardson).
@@ -91,13 +44,13 @@ TEST_P(RasterFormFactors, MatchClosedForm) {
 
 // A rigid motion or a change of scale changes no factor: a general rotation, a shift by 1000 sizes, four scales.
 TEST_P(RasterFormFactors, DoNotDependOnPlacement) {
-  const auto surfaces = surfacesOf(testCase(), hasSphere() ? 8 : 24);
+  const auto surfaces = truth.surfaces(hasSphere() ? 8 : 24);
   RasterOptions options;
   options.positions = hasElement() ? 16 : 4;
   PatchOptions patches;
   patches.count = hasElement() ? 1 : 60;
-  const json& e = testCase()["expected"][0];
-  const std::string from = renamed(e["from"], testCase()["id"]), to = renamed(e["to"], testCase()["id"]);
+  const json& e = truth.json["expected"][0];
+  const std::string from = truth.renamed(e["from"]), to = truth.renamed(e["to"]);
   const double here = RasterRun(loadSurfaces(surfaces), patches, options).factor(from, to);
   const auto there = [&](const Placement& placement) {
     return RasterRun(loadSurfaces(surfaces, placement), patches, options).factor(from, to);
@@ -113,10 +66,9 @@ TEST_P(RasterFormFactors, DoNotDependOnPlacement) {
   EXPECT_NEAR(there({generalRotation(), Vec3(0), 1}), here, 1e-4 + 0.01 * here) << "rotation";
 }
 
-INSTANTIATE_TEST_SUITE_P(Truth, RasterFormFactors, ::testing::Range<size_t>(0, cases().size()),
+INSTANTIATE_TEST_SUITE_P(Truth, RasterFormFactors, ::testing::Range<size_t>(0, truthCases().size()),
                          [](const auto& parameter) {
-                           const std::string id = cases()[parameter.param]["id"];
-                           return id;
+                           return TruthCase(parameter.param).id();
                          });
 
 // Faceted spheres approach the sphere with the square of the facet size.

@@ -14,7 +14,7 @@ Solution solved(RasterRun& run, double residual = 1e-9, SolverKind kind = Solver
   SolveOptions o;
   o.residual = residual;
   o.kind = kind;
-  return solveRadiosity(run.f, run.patches, run.scene, o, Log(true));
+  return solveRadiosity(run.f, run.patches, {}, run.scene, o, Log(true));
 }
 
 // Area-weighted mean radiosity per surface.

@@ -13,6 +13,9 @@ class Scratch : public RowStore {
  public:
   explicit Scratch(size_t patches) : rows_(256, std::vector<float>(patches)) {}
   std::span<float> row(uint32_t patch) override { return rows_[patch % rows_.size()]; }
+  void hits(uint32_t patch, std::span<const uint32_t> ids, float /*weight*/) override {
+    rows_[patch % rows_.size()].assign(ids.begin(), ids.end());
+  }
   void finish(uint32_t /*patch*/, const RowShares& /*shares*/) override {}
 
  private:

@@ -1,8 +1,8 @@
 // Form factors of a test scene by raster, on one Vulkan device for the whole test program.
 #pragma once
 
+#include "factor_run.h"
 #include "formfactor/raster.h"
-#include "test_scene.h"
 
 namespace farol::test {
 
@@ -10,18 +10,13 @@ namespace farol::test {
 // the test program (raster_run.cpp adds the check).
 const gpu::Device& device();
 
-struct RasterRun {
-  RasterRun(Scene scene, const PatchOptions& patchOptions, const RasterOptions& rasterOptions);
+struct RasterRun : FactorRun {
+  RasterRun(Scene s, const PatchOptions& patchOptions, const RasterOptions& rasterOptions)
+      : FactorRun(std::move(s), patchOptions), options(rasterOptions) {}
+  std::unique_ptr<RowMaker> maker() override {
+    return std::make_unique<RasterRowMaker>(device(), facets, patches, options);
+  }
 
-  // Area-weighted mean factor from one surface to another. Makes the rows it needs.
-  double factor(const std::string& from, const std::string& to);
-  std::vector<uint32_t> patchesOf(const std::string& surface) const;
-  void makeAll();
-
-  Scene scene;
-  FacetSet facets;
-  PatchSet patches;
-  FormFactorMatrix f;
   RasterOptions options;
 };
 

@@ -54,7 +54,7 @@ struct Solved {
 TEST(PatchesCsv, QuotesNamesAndHasAColumnPerHeader) {
   const Solved s;
   const TemporaryFolder folder;
-  writePatchesCsv(folder.path("p.csv"), s.scene, s.patches, nullptr, s.solution);
+  writePatchesCsv(folder.path("p.csv"), s.scene, s.patches, nullptr, s.solution, {});
   const std::string text = readText(folder.path("p.csv"));
   EXPECT_EQ(
       text.substr(0, text.find("\r\n")),

@@ -35,7 +35,7 @@ struct GivenSystem {
     o.kind = kind;
     o.residual = residual;
     o.maxSweeps = maxSweeps;
-    return solveRadiosity(f, patches, scene, o, Log(true));
+    return solveRadiosity(f, patches, {}, scene, o, Log(true));
   }
   Scene scene;
   PatchSet patches;
@@ -122,7 +122,7 @@ TEST(Solver, TakesTheSkyFromWhatRowsMiss) {
   GivenSystem s({{0, 0.25}, {0.25, 0}}, {0.5, 0.5}, {0, 0});
   SolveOptions o;
   o.sky = Rgb(8, 0, 0);
-  const Solution r = solveRadiosity(s.f, s.patches, s.scene, o, Log(true));
+  const Solution r = solveRadiosity(s.f, s.patches, {}, s.scene, o, Log(true));
   // H = 0.25 B + 0.75 * 8, B = 0.5 H.
   EXPECT_NEAR(r.irradiance[0].r, 6 / (1 - 0.125), 1e-4);
 }
@@ -146,7 +146,7 @@ TEST(LocalIllumination, IsLambertsLawBetweenCentres) {
   floor.area = 1;
   floor.reflectance = Rgb(0.3);
   set.patches = {lamp, floor};
-  const Solution s = localIllumination(set, Rgb(0));
+  const Solution s = localIllumination(set, {}, Rgb(0));
   EXPECT_NEAR(s.irradiance[1].r, 10 * 0.5 / (kPi * 4), 1e-12);
   EXPECT_NEAR(s.radiosity[1].r, 0.3 * 10 * 0.5 / (kPi * 4), 1e-12);
   EXPECT_EQ(s.irradiance[0].r, 0.0);
