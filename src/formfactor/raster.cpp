@@ -332,8 +332,8 @@ struct RasterRowMaker::Impl {
       if (options.positions == 1 && options.exposed != nullptr) positions[0].point = options.exposed->point[patch];
       ++rowsSubmitted;
       for (size_t k = 0; k < positions.size(); ++k) {
-        next.push_back({patch, positions[k].point, positions[k].weight, 2 * kPi * unitFromBits(mixBits(seed + 2 + k)),
-                        k + 1 == positions.size()});
+        const double turn = options.turned ? 2 * kPi * unitFromBits(mixBits(seed + 2 + k)) : 0.0;
+        next.push_back({patch, positions[k].point, positions[k].weight, turn, k + 1 == positions.size()});
         if (next.size() == layers) flush(next.back().last ? rowsSubmitted : rowsSubmitted - 1);
       }
     }

@@ -22,6 +22,7 @@ struct RasterOptions {
   uint64_t deviceMemory = uint64_t{256} << 20;  // for one batch [bytes]
   uint32_t maxBatch = 128;                      // hemicubes per submission; 0: as many as fit the memory
   bool layered = true;                          // draw all layers at once where the device can
+  bool turned = true;                           // about the normal; otherwise grids are in step (for comparison)
   const NearField* nearField = nullptr;         // corrects rows of one position; must outlive the maker
   const ExposedArea* exposed = nullptr;         // where partly covered patches are seen from; must outlive the maker
 };

@@ -189,7 +189,7 @@ TEST_F(BadInput, NoConvergenceIsExitCodeThree) {
 TEST_F(BadInput, InterruptionCleansUp) {
   for (const auto& [signal, code] : {std::pair("INT", 130), std::pair("TERM", 143)}) {
     // The stopwatch starts after the program does; form factors of this size take many seconds.
-    const Outcome o = farol("factors " + kCornell + " --patches 8000 --resolution 512 -o " + folder_.path("f.npy") +
+    const Outcome o = farol("factors " + kCornell + " --method raster --patches 8000 --resolution 512 -o " + folder_.path("f.npy") +
                                 " & pid=$!; sleep 1.5; kill -" + signal + " $pid; wait $pid",
                             "");
     EXPECT_EQ(o.exitCode, code) << o.err;
