@@ -137,7 +137,6 @@ void writeReport(const std::string& path, const Report& r) {
                       {"max_l1", r.rowErrorMax},
                       {"samples", r.errorModel.samples},
                       {"entry_factor", r.errorModel.entry},
-                      {"row_factor", r.errorModel.row},
                       {"probe_rows", r.errorModel.probes}};
   }
   if (r.solution) {

@@ -20,7 +20,7 @@
 namespace farol {
 namespace {
 
-constexpr size_t kProbes = 24;  // rows made better to tell how good the others are
+constexpr size_t kProbes = 24;  // rows made better to tell how good the others are; more when methods are compared
 
 // One run of render, solve, factors, compare or info: the stages in order, each leaving its result in a member.
 class Run {
@@ -273,8 +273,8 @@ class Run {
     countPatches();
     report_.matrixBytes = f_->bytes();
     report_.clock.finish("form factors");
-    probes_ = makeProbes(*spec_, *f_);
-    model_ = fitErrorModel(*f_, probes_, samplesOf(*spec_));
+    model_ = fitErrorModel(*f_, patches_, makeProbes(*spec_, *f_, kProbes), samplesOf(*spec_));
+    replicateRows();
     if (spec_->kind == MethodSpec::Kind::exact) model_ = {};
     report_.errorModel = model_;
     report_.checks = checkFormFactors(*f_, patches_);
@@ -296,22 +296,23 @@ class Run {
   }
 
   // Rows of a few patches by many rays, as a reference; in scenes of few patches also rows like F's with other seeds.
-  ProbeRows makeProbes(const MethodSpec& spec, const FormFactorMatrix& f) {
+  ProbeRows makeProbes(const MethodSpec& spec, const FormFactorMatrix& f, size_t count) {
     ProbeRows probes;
     if (spec.kind == MethodSpec::Kind::exact) return probes;
-    probes.patches = chooseProbes(patches_, kProbes);
+    probes.patches = chooseProbes(patches_, count);
     const auto make = [&](const MethodSpec& how, std::vector<FormFactorMatrix>& to) {
       to.emplace_back(f.size());
       methods_.maker(how)->makeRows(probes.patches, to.back(), [](size_t) {});
     };
     MethodSpec reference = spec;
     reference.kind = MethodSpec::Kind::rays;
-    reference.rays = spec.kind == MethodSpec::Kind::rays ? 16 * spec.rays : spec.resolution > 64 ? 65536 : 16384;
+    reference.rays = spec.kind == MethodSpec::Kind::rays ? 16 * spec.rays
+                     : count > kProbes || spec.resolution > 64 ? 65536 : 16384;
     reference.rays = std::min(reference.rays, 1u << 20);
     reference.seed = mixBits(spec.seed);
     make(reference, probes.reference);
     if (spec.kind == MethodSpec::Kind::rays && !probes.patches.empty()) {
-      for (size_t k = 1; k < 2 * kProbes / probes.patches.size() - 1; ++k) {
+      for (size_t k = 1; k + 1 < 2 * count / probes.patches.size(); ++k) {
         MethodSpec again = spec;
         again.seed = mixBits(spec.seed + k);
         make(again, probes.again);
@@ -320,10 +321,28 @@ class Run {
     return probes;
   }
 
+  // Rows of about every sixteenth patch once more, by other random numbers or, for raster, by many rays: their
+  // differences tell the error of H.
+  void replicateRows() {
+    if (spec_->kind == MethodSpec::Kind::exact) return;
+    constexpr size_t kFewest = 512, kShare = 16;
+    MethodSpec again = *spec_;
+    const bool raster = again.kind == MethodSpec::Kind::raster;
+    replicates_.patches = chooseProbes(patches_, std::max(raster ? kFewest / 4 : kFewest, patches_.size() / kShare / (raster ? 2 : 1)));
+    if (raster) {
+      again.kind = MethodSpec::Kind::rays;
+      again.rays = 16384;
+      replicates_.better = true;
+    }
+    again.seed = mixBits(again.seed + 1);
+    replicates_.rows.emplace(f_->size());
+    methods_.maker(again)->makeRows(replicates_.patches, *replicates_.rows, [](size_t) {});
+  }
+
   void reportRowErrors() {
     double area = 0;
     for (const uint32_t i : chooseProbes(patches_, 256)) {
-      const double a = patches_.patches[i].area * f_->shares(i).exposed, error = model_.rowError((*f_)[i]);
+      const double a = patches_.patches[i].area * f_->shares(i).exposed, error = model_.rowError(i);
       report_.rowErrorMean += a * error;
       report_.rowErrorMax = std::max(report_.rowErrorMax, error);
       area += a;
@@ -367,18 +386,7 @@ class Run {
     direct_ = lampsAndLights(options_.seed).compute(exposed);
     direct_.apart = plan_.apart;
     report_.shadowRays = direct_.rays;
-    // How much better than independent shadow rays these are: on the probes, with other seeds.
-    const std::vector<uint32_t> probes = chooseProbes(patches_, 2 * kProbes);
-    double squares = 0, law = 0;
-    for (uint64_t k = 1; k <= 2; ++k) {
-      const DirectLight again = lampsAndLights(mixBits(options_.seed + k)).compute(exposed, probes);
-      for (const uint32_t p : probes) {
-        const double change = maxChannel(glm::abs(direct_.irradiance[p] - again.irradiance[p]));
-        squares += 0.5 * change * change;
-        law += 0.5 * (std::pow(direct_.deviation[p], 2) + std::pow(again.deviation[p], 2));
-      }
-    }
-    directFactor_ = law > 0 ? std::sqrt(squares / law) : 1;
+    replicates_.direct = lampsAndLights(mixBits(options_.seed + 1)).compute(exposed, replicates_.patches);
     if (!scene_.lights.empty()) {
       fromPunctual_ = DirectIrradiance(methods_.tracer(), facets_, patches_, {}, scene_.lights,
                                        {options_.shadowRays, options_.seed})
@@ -397,8 +405,7 @@ class Run {
     if (f_) {
       solution_ = solveRadiosity(*f_, patches_, direct_, scene_, o, log_);
       report_.energy = energyBalance(*f_, patches_, solution_, options_.sky, fromPunctual_);
-      error_ = irradianceError(*f_, patches_, direct_, solution_, probes_, samplesOf(*spec_),
-                               {directFactor_, options_.sky});
+      error_ = irradianceError(*f_, patches_, direct_, solution_, replicates_, samplesOf(*spec_), options_.sky);
       report_.estimatedError = relativeError();
     } else {
       solution_ = localIllumination(patches_, scene_.lights, options_.sky);
@@ -478,7 +485,8 @@ class Run {
     // Every patch has a row on both sides, whatever each method sees; beside a file the patches that the file has.
     makeFormFactors(*maker, patches_, !isFile(options_.methodA) && !isFile(options_.methodB), log_, side.f);
     side.seconds = watch.seconds();
-    side.error = fitErrorModel(side.f, makeProbes(*spec, side.f), samplesOf(*spec));
+    constexpr size_t kMany = 256;
+    side.error = fitErrorModel(side.f, patches_, makeProbes(*spec, side.f, kMany), samplesOf(*spec));
     if (spec->kind == MethodSpec::Kind::exact) side.error = {};
     return side;
   }
@@ -688,10 +696,9 @@ class Run {
   std::optional<MethodSpec> spec_;  // the method chosen
   LampPlan plan_;
   std::optional<FormFactorMatrix> f_;
-  ProbeRows probes_;
+  Replicates replicates_;
   ErrorModel model_;
   DirectLight direct_;
-  double directFactor_ = 1;        // of shadow rays, relative to independent ones
   std::vector<Rgb> fromPunctual_;  // irradiance by punctual lights
   Solution solution_;
   std::vector<double> error_;  // of H per patch

@@ -26,7 +26,7 @@ Comparison compareFactors(const FormFactorMatrix& a, const ErrorModel& errorA, c
       }
     }
     d.largest = std::max(d.moreBy, -d.lessBy);
-    d.estimate = std::hypot(errorA.rowError(a[i]), errorB.rowError(b[i]));
+    d.estimate = std::hypot(errorA.rowError(i), errorB.rowError(i));
   });
   double area = 0, within = 0, worst = -1e300;
   for (uint32_t i = 0; i < n; ++i) {

@@ -1,34 +1,15 @@
 #include "formfactor/error_model.h"
 
+#include "formfactor/neighbourhood.h"
+
 #include <algorithm>
 #include <tbb/parallel_for.h>
 
 namespace farol {
-namespace {
-
-double sumOfRoots(const FormFactorRow& row, double samples) {
-  double sum = 0;
-  for (const float f : row.dense) sum += std::sqrt(static_cast<double>(f) / samples);
-  static thread_local std::vector<uint32_t> counts;
-  counts.resize(std::max(counts.size(), row.patches + 1), 0);
-  for (const uint32_t j : row.ids) ++counts[j];
-  for (const uint32_t j : row.ids) {
-    if (counts[j] > 0 && j < row.patches) sum += std::sqrt(counts[j] * static_cast<double>(row.weight) / samples);
-    counts[j] = 0;
-  }
-  return sum;
-}
-
-}  // namespace
-
 double ErrorModel::entryError(double f) const {
   if (!(samples > 0)) return 0;
   const double known = std::clamp(f, 1 / samples, 0.5);
   return entry * std::sqrt(known * (1 - known) / samples);
-}
-
-double ErrorModel::rowError(const FormFactorRow& r) const {
-  return samples > 0 ? row * sumOfRoots(r, samples) : 0;
 }
 
 std::vector<double> ProbeRows::error(const FormFactorMatrix& f, size_t which, uint32_t patch) const {
@@ -46,7 +27,7 @@ std::vector<uint32_t> chooseProbes(const PatchSet& patches, size_t count) {
   return chosen;
 }
 
-ErrorModel fitErrorModel(const FormFactorMatrix& f, const ProbeRows& probes, double samples) {
+ErrorModel fitErrorModel(const FormFactorMatrix& f, const PatchSet& patches, const ProbeRows& probes, double samples) {
   ErrorModel model;
   model.samples = samples;
   struct Part {
@@ -66,27 +47,32 @@ ErrorModel fitErrorModel(const FormFactorMatrix& f, const ProbeRows& probes, dou
       parts[k].law += exact * (1 - std::min(exact, 1.0)) / samples;
       absolute += std::abs(d[j]);
     }
-    const double roots = sumOfRoots(probes.made(f, k / n)[p], samples);
-    parts[k].row = roots > 0 ? absolute / roots : 0;
+    parts[k].row = absolute;
   });
   double squares = 0, law = 0;
-  std::vector<double> rows;
   for (const Part& part : parts) {
     squares += part.squares;
     law += part.law;
-    rows.push_back(part.row);
   }
   model.entry = law > 0 ? std::sqrt(squares / law) : 0;
-  if (!rows.empty()) {  // three standard deviations above the mean, without the largest of 24
-    std::sort(rows.begin(), rows.end());
-    rows.resize(rows.size() - rows.size() / 24);
-    double sum = 0, spread = 0;
-    const auto count = static_cast<double>(rows.size());
-    for (const double r : rows) sum += r / count;
-    for (const double r : rows) spread += (r - sum) * (r - sum) / count;
-    model.row = sum + 3 * std::sqrt(spread);
-  }
   model.probes = n;
+  model.row.resize(patches.size());
+  constexpr size_t kWindow = 24;
+  Neighbourhood(patches).forEachWindow(probes.patches, kWindow, [&](uint32_t i, std::span<const uint32_t> window) {
+    // Two and a half standard deviations above the mean.
+    double sum = 0, square = 0;
+    const auto count = static_cast<double>(window.size() * probes.times());
+    for (const uint32_t p : window) {
+      for (size_t k = p; k < all; k += n) {
+        sum += parts[k].row;
+        square += parts[k].row * parts[k].row;
+      }
+    }
+    if (count > 0) {
+      const double mean = sum / count;
+      model.row[i] = static_cast<float>(mean + 2.5 * std::sqrt(std::max(0.0, square / count - mean * mean)));
+    }
+  });
   return model;
 }
 

@@ -11,11 +11,11 @@ namespace farol {
 struct ErrorModel {
   double samples = 0;  // K: rays or pixels per row
   double entry = 0;    // factor on sqrt(F (1 - F) / K), rms over the probes' entries
-  double row = 0;      // factor on sum_j sqrt(F_ij / K): the L1 error of a row, exceeded by about 1 row in 20
+  std::vector<float> row;  // [patches] L1 error of a row, sum_j |dF_ij|, exceeded by about 1 row in 20
   size_t probes = 0;
 
-  double entryError(double f) const;               // standard error of one entry; 1 / K at least is assumed for F
-  double rowError(const FormFactorRow& row) const;  // sum_j |dF_ij|
+  double entryError(double f) const;  // standard error of one entry; 1 / K at least is assumed for F
+  double rowError(size_t patch) const { return row.empty() ? 0 : static_cast<double>(row[patch]); }
 };
 
 // Rows of a few patches made by many more samples, and made again as F's were with other random numbers: scenes of few
@@ -37,6 +37,7 @@ struct ProbeRows {
 // An even choice of at most `count` patches.
 std::vector<uint32_t> chooseProbes(const PatchSet& patches, size_t count);
 
-ErrorModel fitErrorModel(const FormFactorMatrix& f, const ProbeRows& probes, double samples);
+// The errors of rows are two and a half standard deviations above the mean of the 24 nearest probes.
+ErrorModel fitErrorModel(const FormFactorMatrix& f, const PatchSet& patches, const ProbeRows& probes, double samples);
 
 }  // namespace farol

@@ -38,7 +38,7 @@ float wrap(float x) {
 
 }  // namespace
 
-SampleTable::SampleTable(uint32_t k, Kind kind) : samples(k) {
+SampleTable::SampleTable(uint32_t k, uint64_t seed, Kind kind) : samples(k) {
   const size_t total = size_t{kBlocks} * samples;
   dx.resize(total + kPacketSize);
   dy.resize(total + kPacketSize);
@@ -46,6 +46,8 @@ SampleTable::SampleTable(uint32_t k, Kind kind) : samples(k) {
   s.resize(total + kPacketSize);
   t.resize(total + kPacketSize);
   std::vector<uint32_t> codes(total);
+  std::array<uint32_t, 4> scramble{};
+  for (uint32_t c = 0; c < 4; ++c) scramble[c] = static_cast<uint32_t>(mixBits(mixBits(seed) + c));
   tbb::parallel_for(0u, kBlocks, [&](uint32_t block) {
     struct Point {
       uint32_t code, number;
@@ -55,8 +57,9 @@ SampleTable::SampleTable(uint32_t k, Kind kind) : samples(k) {
     for (uint32_t i = 0; i < samples; ++i) {
       const uint32_t number = block * samples + i;
       std::array<uint32_t, 4> fixed = sobolPoint(number);
+      for (uint32_t c = 0; c < 4; ++c) fixed[c] ^= scramble[c];
       if (kind == Kind::random) {
-        for (uint32_t c = 0; c < 4; ++c) fixed[c] = static_cast<uint32_t>(mixBits(uint64_t{number} * 4 + c));
+        for (uint32_t c = 0; c < 4; ++c) fixed[c] = static_cast<uint32_t>(mixBits(mixBits(seed) + uint64_t{number} * 4 + c));
       }
       const Vec2 p = toDisc((fixed[0] + 0.5) * 0x1p-32, (fixed[1] + 0.5) * 0x1p-32);
       const double z = std::sqrt(std::max(0.0, 1 - p.x * p.x - p.y * p.y));
@@ -113,6 +116,7 @@ TileSeat seatOf(const FacetSet& facets, const PatchSet& patches, uint32_t patch,
     seat.flat = true;
   }
   const uint64_t bits = mixBits(seed * 0x100000001B3ull + mixBits(seat.tile));
+  seat.block ^= static_cast<uint32_t>(mixBits(bits + 3)) % SampleTable::kBlocks;
   seat.turn = 2 * kPi * unitFromBits(bits);
   seat.s = static_cast<float>(unitFromBits(mixBits(bits + 1)));
   seat.t = static_cast<float>(unitFromBits(mixBits(bits + 2)));
@@ -261,7 +265,7 @@ uint32_t TileRays::next(RayPacket& rays, std::array<uint32_t, kPacketSize>& memb
 
 struct RayRowMaker::Impl {
   Impl(const Tracer& t, const FacetSet& f, const PatchSet& p, const RayOptions& o)
-      : tracer(t), facets(f), patches(p), options(o), table(o.rays, o.kind), hitPatches(f, p) {}
+      : tracer(t), facets(f), patches(p), options(o), table(o.rays, o.seed, o.kind), hitPatches(f, p) {}
 
   // A back that proves, or may prove, that the ray's origin lies inside something standing on the patch.
   struct BackHit {

@@ -14,12 +14,13 @@ namespace farol {
 // What rays share: 16 blocks of K consecutive points of Sobol's sequence (two dimensions for the direction, two for the
 // origin), each sorted so that neighbours run side by side. The patches of a tile of 4 x 4
 // cells take one block each: together they hold one complete sequence of 16 K points, so that what one patch of a tile
-// misses another finds. One turn and shift per tile.
+// misses another finds. One turn and shift per tile, which also says who takes which block. The seed scrambles the
+// sequence as a whole by a digital shift.
 struct SampleTable {
   static constexpr uint32_t kBlocks = 16;
   enum class Kind { lowDiscrepancy, random };  // random: for comparison only
 
-  explicit SampleTable(uint32_t samples, Kind kind = Kind::lowDiscrepancy);
+  SampleTable(uint32_t samples, uint64_t seed, Kind kind = Kind::lowDiscrepancy);
 
   uint32_t samples;                // K, per block
   std::vector<float> dx, dy, dz;   // [16 K, and a packet of zeros] unit directions, z along the normal

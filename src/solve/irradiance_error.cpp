@@ -1,12 +1,14 @@
 #include "solve/irradiance_error.h"
 
+#include "formfactor/neighbourhood.h"
+
 #include <Eigen/Dense>
 #include <tbb/parallel_for.h>
 
 namespace farol {
 namespace {
 
-constexpr size_t kSmallScene = 256;  // patches
+constexpr size_t kGroups = 96;  // of patches whose errors are carried on
 
 // Radiosity that F carries: without the emission of emitters apart.
 std::vector<Rgb> carried(const PatchSet& patches, const DirectLight& direct, const Solution& s) {
@@ -28,59 +30,105 @@ Rgb sampleVariance(const FormFactorMatrix& f, size_t i, const std::vector<Rgb>& 
   return glm::max(square - mean * mean, Rgb(0));
 }
 
-// Variances of all H from those of single rows: v_i = sum_k G_ik^2 s_k, G = (I - F rho)^-1.
-void carryOn(const FormFactorMatrix& f, const PatchSet& patches, std::vector<Rgb>& variance) {
-  const auto n = static_cast<Eigen::Index>(patches.size());
+// Adds what errors of other rows bring: sum_h M_gh^2 v_h + (sum_h M_gh b_h)^2 with M = (I - F rho)^-1 - I, between
+// groups of neighbours; v is the variance of a group's mean, where rows err independently, and b the mean of what its
+// replicates show that all rows have in common (`bias`, one per probe; zero for unbiased rows). A group's row of F is
+// that of its replicated patches.
+void carryOn(const FormFactorMatrix& f, const PatchSet& patches, const Neighbourhood& near,
+             std::span<const uint32_t> probes, std::span<const Rgb> bias, std::vector<Rgb>& variance) {
+  const std::vector<uint32_t> groupOf = near.groups(kGroups);
+  const auto n = static_cast<Eigen::Index>(1 + *std::max_element(groupOf.begin(), groupOf.end()));
   for (int c = 0; c < 3; ++c) {
-    Eigen::MatrixXd m = Eigen::MatrixXd::Identity(n, n);
-    Eigen::VectorXd s(n);
-    for (Eigen::Index i = 0; i < n; ++i) {
-      s[i] = variance[static_cast<size_t>(i)][c];
-      f[static_cast<size_t>(i)].forEach([&](size_t j, double value) {
-        m(i, static_cast<Eigen::Index>(j)) -= value * patches.patches[j].reflectance[c];
-      });
+    Eigen::VectorXd area = Eigen::VectorXd::Zero(n), v = area, rows = area, b = area;
+    for (size_t i = 0; i < groupOf.size(); ++i) {
+      const double a = patches.patches[i].area;
+      area[groupOf[i]] += a;
+      v[groupOf[i]] += a * a * variance[i][c];
     }
-    const Eigen::MatrixXd g = m.partialPivLu().inverse();
-    const Eigen::VectorXd v = g.cwiseAbs2() * s;
-    for (Eigen::Index i = 0; i < n; ++i) variance[static_cast<size_t>(i)][c] = v[i];
+    if (v.maxCoeff() <= 0) continue;
+    v = v.cwiseQuotient(area.cwiseAbs2());
+    Eigen::MatrixXd m = Eigen::MatrixXd::Zero(n, n);
+    for (size_t k = 0; k < probes.size(); ++k) {
+      const uint32_t p = probes[k];
+      ++rows[groupOf[p]];
+      b[groupOf[p]] += bias[k][c];
+      f[p].forEach([&](size_t j, double value) { m(groupOf[p], groupOf[j]) += value * patches.patches[j].reflectance[c]; });
+    }
+    const Eigen::VectorXd share = rows.cwiseMax(1.0).cwiseInverse();
+    m = Eigen::MatrixXd::Identity(n, n) - share.asDiagonal() * m;
+    const Eigen::MatrixXd carried = m.partialPivLu().inverse() - Eigen::MatrixXd::Identity(n, n);
+    const Eigen::VectorXd more = carried.cwiseAbs2() * v + (carried * share.cwiseProduct(b)).cwiseAbs2();
+    for (size_t i = 0; i < groupOf.size(); ++i) variance[i][c] += more[groupOf[i]];
   }
+}
+
+// Variances from the squares that the nearest replicates show: three parts in the proportions of the law smoothed over
+// neighbours, one part as they are, since no law knows of everything. One standard deviation of such an estimate is
+// added, 1 / sqrt(2 m) for m replicates.
+std::vector<double> scaled(const Neighbourhood& near, const std::vector<double>& law, std::span<const uint32_t> probes,
+                           const std::vector<double>& squares) {
+  constexpr size_t kSmooth = 4, kWindow = 24;
+  constexpr double kLaw = 0.75;
+  const std::vector<double> smooth = near.smoothed(law, kSmooth);
+  std::vector<double> result(law.size(), 0.0);
+  near.forEachWindow(probes, kWindow, [&](uint32_t i, std::span<const uint32_t> window) {
+    if (window.empty()) return;
+    double found = 0, expected = 0;
+    for (const uint32_t p : window) {
+      found += squares[p];
+      expected += smooth[probes[p]];
+    }
+    const auto count = static_cast<double>(window.size());
+    const double mean = found / count, byLaw = expected > 0 ? smooth[i] * found / expected : mean;
+    const double above = 1 + 1 / std::sqrt(2 * count);
+    result[i] = above * above * (kLaw * byLaw + (1 - kLaw) * mean);
+  });
+  return result;
 }
 
 }  // namespace
 
 std::vector<double> irradianceError(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct,
-                                    const Solution& solution, const ProbeRows& probes, double samples,
-                                    const IrradianceErrorOptions& options) {
-  const size_t n = patches.size();
+                                    const Solution& solution, const Replicates& replicates, double samples,
+                                    const Rgb& sky) {
+  const size_t n = patches.size(), probes = replicates.patches.size();
   const std::vector<Rgb> r = carried(patches, direct, solution);
+  const Neighbourhood near(patches);
   std::vector<Rgb> variance(n, Rgb(0));
-  tbb::parallel_for(size_t{0}, n, [&](size_t i) { variance[i] = sampleVariance(f, i, r, options.sky) / samples; });
-
-  // What the probes' rows gather against their references tells the factor.
-  double squares = 0, law = 0;
-  for (size_t k = 0; k < probes.times(); ++k) {
-    for (const uint32_t p : probes.patches) {
-      if (f.shares(p).exposed <= 0) continue;
-      const std::vector<double> d = probes.error(f, k, p);
-      Rgb change = (probes.made(f, k).shares(p).missed - probes.reference[0].shares(p).missed) * options.sky;
-      for (size_t j = 0; j < n; ++j) change += d[j] * r[j];
-      for (int c = 0; c < 3; ++c) {
-        squares += change[c] * change[c];
-        law += variance[p][c];
-      }
-    }
+  std::vector<double> law(n), squares(probes);
+  std::vector<Rgb> bias(probes, Rgb(0));
+  if (replicates.rows) {
+    tbb::parallel_for(size_t{0}, n, [&](size_t i) { variance[i] = sampleVariance(f, i, r, sky) / samples; });
+    tbb::parallel_for(size_t{0}, probes, [&](size_t k) {
+      const uint32_t p = replicates.patches[k];
+      Rgb change = (f.shares(p).missed - replicates.rows->shares(p).missed) * sky;
+      f[p].forEach([&](size_t j, double value) { change += value * r[j]; });
+      (*replicates.rows)[p].forEach([&](size_t j, double value) { change -= value * r[j]; });
+      squares[k] = (replicates.better ? 1.0 : 0.5) * maxChannel(change * change);
+      if (replicates.better) bias[k] = change;
+    });
+    for (size_t i = 0; i < n; ++i) law[i] = maxChannel(variance[i]);
+    const std::vector<double> own = scaled(near, law, replicates.patches, squares);
+    for (size_t i = 0; i < n; ++i) variance[i] = law[i] > 0 ? variance[i] * (own[i] / law[i]) : Rgb(own[i]);
   }
-  const double factor = law > 0 ? squares / law : 0;
-  std::vector<double> error(n);
+  if (replicates.direct) {
+    for (size_t i = 0; i < n; ++i) law[i] = direct.deviation[i] * direct.deviation[i];
+    for (size_t k = 0; k < probes; ++k) {
+      const uint32_t p = replicates.patches[k];
+      const Rgb change = direct.irradiance[p] - replicates.direct->irradiance[p];
+      squares[k] = 0.5 * maxChannel(change * change);
+    }
+    const std::vector<double> own = scaled(near, law, replicates.patches, squares);
+    for (size_t i = 0; i < n; ++i) variance[i] += own[i];
+  }
+  carryOn(f, patches, near, replicates.patches, bias, variance);
   double total = 0, area = 0;
   for (size_t i = 0; i < n; ++i) {
-    variance[i] *= factor;
-    if (direct.present()) variance[i] += std::pow(options.direct * direct.deviation[i], 2);
     total += patches.patches[i].area * maxChannel(r[i]);
     area += patches.patches[i].area;
   }
-  if (n <= kSmallScene) carryOn(f, patches, variance);
   const double solver = area > 0 ? solution.error * total / area : 0;
+  std::vector<double> error(n);
   for (size_t i = 0; i < n; ++i) error[i] = std::sqrt(maxChannel(variance[i]) + solver * solver);
   return error;
 }

@@ -4,21 +4,30 @@
 #include "formfactor/error_model.h"
 #include "solve/solver.h"
 
+#include <optional>
+
 namespace farol {
 
-// Per patch the standard error of H, worst channel [flux per area]:
-//   F: q^2 (sum_j F_ij R_j^2 - (sum_j F_ij R_j)^2) / K, the law of K independent samples of what F carries (R, and the
-//      sky where a row misses), with q fitted on the probes;
-//   direct light: the deviation of the shadow rays times the factor `direct`;
-//   solver: the error that its residual bounds.
-// In scenes of at most 256 patches each row's error is carried on to all patches through (I - F rho)^-1; in larger
-// ones the errors of many rows average out.
-struct IrradianceErrorOptions {
-  double direct = 1;  // factor on DirectLight::deviation, from probes
-  Rgb sky{0};
+// Rows and direct light of some patches, made again: the difference tells the error.
+struct Replicates {
+  std::vector<uint32_t> patches;
+  std::optional<FormFactorMatrix> rows;  // [all patches], those of `patches` made; none: F has no sampling error
+  // The rows are much better than F's and show its bias; otherwise they differ from F's in their random numbers only, and
+  // half of the squared difference is F's.
+  bool better = false;
+  std::optional<DirectLight> direct;  // with other random numbers
 };
+
+// Per patch the standard error of H, worst channel [flux per area]. Squares of three parts are added:
+//   F: (sum_j F_ij R_j^2 - (sum_j F_ij R_j)^2) / K, the variance of K independent samples of what F carries (R, and the
+//      sky where a row misses);
+//   direct light: the variance of independent shadow rays;
+//   solver: the error that its residual bounds.
+// Samples are not independent: the first two are smoothed over neighbours and scaled by what the replicates of the 24
+// nearest patches show. Then what the errors of other rows bring is added, through (I - F rho)^-1 between at most 96
+// groups of neighbours. Two standard errors cover the true error of about 95 patches of 100.
 std::vector<double> irradianceError(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct,
-                                    const Solution& solution, const ProbeRows& probes, double samples,
-                                    const IrradianceErrorOptions& options);
+                                    const Solution& solution, const Replicates& replicates, double samples,
+                                    const Rgb& sky);
 
 }  // namespace farol

@@ -16,7 +16,7 @@ std::vector<SensorReading> readSensors(const Tracer& tracer, const FacetSet& fac
   }
   const HitPatches hitPatches(facets, patches);
   const uint32_t perBlock = std::max(1u, options.rays / SampleTable::kBlocks);
-  const SampleTable table(perBlock);
+  const SampleTable table(perBlock, options.seed);
   std::vector<SensorReading> readings(sensors.size());
   tbb::parallel_for(size_t{0}, sensors.size(), [&](size_t s) {
     const Vec3 n = sensors[s].normal, point = facets.frame.toUnit(sensors[s].position);

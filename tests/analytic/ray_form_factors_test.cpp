@@ -67,7 +67,7 @@ TEST_P(FormFactors, OfRasterWithNearFieldAreWithinTheStatedError) {
     probes.patches = run.probePatches(32);
     probes.reference.emplace_back(run.patches.size());
     rays.maker()->makeRows(probes.patches, probes.reference[0], [](size_t) {});
-    const double error = run.factorError(fitErrorModel(run.f, probes, 3.0 * 64 * 64), from, to, true);
+    const double error = run.factorError(fitErrorModel(run.f, run.patches, probes, 3.0 * 64 * 64), from, to, true);
     EXPECT_NEAR(found, value, 0.01 * value + 3 * error) << truth.id() << ": " << from << " -> " << to << " +- " << error;
   }
 }

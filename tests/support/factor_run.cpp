@@ -102,7 +102,7 @@ ProbeRows RayRun::probes() {
 }
 
 ErrorModel RayRun::errorModel() {
-  return fitErrorModel(f, probes(), options.rays);
+  return fitErrorModel(f, patches, probes(), options.rays);
 }
 
 }  // namespace farol::test
