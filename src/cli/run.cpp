@@ -325,15 +325,14 @@ class Run {
   // differences tell the error of H.
   void replicateRows() {
     if (spec_->kind == MethodSpec::Kind::exact) return;
-    constexpr size_t kFewest = 512, kShare = 16;
+    constexpr size_t kFewest = 384, kShare = 16;
     MethodSpec again = *spec_;
-    const bool raster = again.kind == MethodSpec::Kind::raster;
-    replicates_.patches = chooseProbes(patches_, std::max(raster ? kFewest / 4 : kFewest, patches_.size() / kShare / (raster ? 2 : 1)));
-    if (raster) {
+    if (again.kind == MethodSpec::Kind::raster) {
       again.kind = MethodSpec::Kind::rays;
       again.rays = 16384;
       replicates_.better = true;
     }
+    replicates_.patches = chooseProbes(patches_, std::max(replicates_.better ? kFewest / 2 : kFewest, patches_.size() / kShare));
     again.seed = mixBits(again.seed + 1);
     replicates_.rows.emplace(f_->size());
     methods_.maker(again)->makeRows(replicates_.patches, *replicates_.rows, [](size_t) {});

@@ -7,6 +7,7 @@
 
 #include <cmath>
 #include <gmock/gmock.h>
+#include <map>
 #include <sstream>
 
 namespace farol::test {
@@ -145,8 +146,10 @@ void compareIrradiance(const std::string& options, size_t patches, const std::st
   for (const LitScene& lit : litScenes()) {
     const std::string scene = folder.path("s.gltf"), count = " --patches " + std::to_string(patches);
     writeText(scene, gltfOf(lit.surfaces).dump());
-    const auto exact =
-        solve(scene, (lit.open ? "--method exact --emitters matrix" : "--method rays --rays 65536 --shadow-rays 4096") + count,
+    static std::map<std::string, std::vector<Line>> references;  // by scene and count, for all methods
+    std::vector<Line>& exact = references[gltfOf(lit.surfaces).dump() + count];
+    if (exact.empty())
+      exact = solve(scene, (lit.open ? "--method exact --emitters matrix" : "--method rays --rays 65536 --shadow-rays 4096") + count,
               folder);
     const auto found = solve(scene, options + count, folder);
     ASSERT_EQ(exact.size(), found.size());
