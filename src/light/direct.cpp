@@ -94,10 +94,11 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
   };
   std::vector<Source> sources;
   double total = 0;
-  std::vector<Position> morePoints;  // made when a lamp is near
+  std::vector<Position> morePoints;  // made when a lamp is near, or when part of the patch is behind it
   const auto pointsFor = [&](const Lamp& lamp) -> const std::vector<Position>& {
     const bool isNear = glm::distance(lamp.centre, r.centre) < lamp.radius + 3 * r.radius;
-    if (!isNear || r.partlyCovered || r.patch == kNone) return r.points;
+    const bool cut = std::abs(glm::dot(lamp.normal, r.centre - lamp.centre)) < r.radius;  // by the lamp's plane
+    if ((!isNear && !cut) || r.partlyCovered || r.patch == kNone) return r.points;
     if (morePoints.empty())
       morePoints = positionsOn(facets_, patches_, r.patch, patches_.cellsOf(r.patch).size() == 1 ? 36 : 64, r.seed);
     return morePoints;

@@ -173,6 +173,42 @@ TEST(Factors, WritesMatricesByPatch) {
   EXPECT_EQ(farol("factors " + kFurnace + " -o " + folder.path("g.npy") + " --by surface").exitCode, 2);
 }
 
+// Points, and a grid over a plane, from one file.
+TEST(Sensors, ReadPointsAndGrids) {
+  const TemporaryFolder folder;
+  writeText(folder.path("s.csv"), "x,y,z,nx,ny,nz\n0.5,0.5,0.5,0,0,1\ngrid,0.1,0.1,0.7,0.8,0,0,0,0.8,0,3,2\n");
+  const Outcome o = farol("solve " + kFurnace + " --patches 150 --residual 1e-8 --sensors " + folder.path("s.csv"));
+  ASSERT_EQ(o.exitCode, 0) << o.err;
+  const auto rows = readCsv(folder.path("s.out.csv"));
+  ASSERT_EQ(rows.size(), 8u);
+  EXPECT_EQ(rows[0], (std::vector<std::string>{"x", "y", "z", "nx", "ny", "nz", "H_r", "H_g", "H_b", "err"}));
+  for (size_t k = 1; k < rows.size(); ++k) {
+    EXPECT_NEAR(std::stod(rows[k][6]), 2, 2e-5);
+    EXPECT_NEAR(std::stod(rows[k][8]), 10, 1e-4);
+  }
+  writeText(folder.path("bad.csv"), "0,0,0,0,0,1\n1,2,3\n");
+  const Outcome bad = farol("solve " + kFurnace + " --sensors " + folder.path("bad.csv"));
+  EXPECT_EQ(bad.exitCode, 1);
+  EXPECT_THAT(bad.err, HasSubstr("bad.csv: line 2: '1,2,3' is neither"));
+}
+
+// Raster and rays agree on every supplied scene within what both state, on 95 of 100 rows.
+TEST(Compare, FindsRasterAndRaysInAgreementOnEverySuppliedScene) {
+  const TemporaryFolder folder;
+  for (const std::string scene : {"cornell_box/cornell_box.gltf", "l_room/l_room.gltf",
+                                  "white_furnace/white_furnace.gltf", "reading_corner/reading_corner.glb"}) {
+    const Outcome o = farol("compare " FAROL_SCENES "/" + scene + " raster:128 rays:4096 --patches 1500 --report " +
+                            folder.path("r.json") + " -o " + folder.path("d.png") + " --size 64x48");
+    ASSERT_EQ(o.exitCode, 0) << o.err;
+    const json r = json::parse(readText(folder.path("r.json")));
+    EXPECT_GE(r["comparison"]["within_estimate"].get<double>(), 0.95) << scene;
+    EXPECT_THAT(o.out, HasSubstr("worst row"));
+    EXPECT_EQ(readText(folder.path("d.png")).substr(1, 3), "PNG");
+  }
+  EXPECT_EQ(farol("compare " + kCornell + " raster:65 rays:4").exitCode, 2);
+  EXPECT_THAT(farol("compare " + kCornell + " hemisphere rays:4").err, HasSubstr("'hemisphere' is not a method"));
+}
+
 TEST(Info, ForecastsAndWritesNothing) {
   const TemporaryFolder folder;
   const Outcome o = farol("info " + kCornell);

@@ -1,0 +1,224 @@
+// Direct light, sensors and rows by rays in scenes whose answer is on paper.
+#include "factor_run.h"
+#include "formfactor/analytic.h"
+#include "light/direct.h"
+#include "solve/sensors.h"
+#include "solve/solver.h"
+
+#include <cstring>
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+namespace farol::test {
+namespace {
+
+std::vector<TestSurface> lampRoom(bool blocked) {
+  auto surfaces = closedBox({4, 4, 2.7}, Rgb(0.5));
+  const auto square = [](double half, double z, bool down) {
+    std::vector<Vec3> p = {{2 - half, 2 - half, z}, {2 + half, 2 - half, z}, {2 + half, 2 + half, z}, {2 - half, 2 + half, z}};
+    if (down) std::reverse(p.begin(), p.end());
+    return p;
+  };
+  surfaces.push_back({"lamp", {square(0.2, 2.6, true)}, Rgb(0), Rgb(100)});
+  if (blocked) surfaces.push_back({"table", {square(0.5, 0.75, false)}, Rgb(0.5), Rgb(0), true});
+  return surfaces;
+}
+
+DirectLight directLight(RayRun& run, const std::vector<PunctualLight>& lights, const DirectOptions& options = {}) {
+  const LampPlan plan = chooseLamps(run.facets, run.patches, {});
+  const DirectIrradiance light(run.tracer, run.facets, run.patches, plan.lamps, lights, options);
+  return light.compute(std::vector<double>(run.patches.size(), 1.0));
+}
+
+TEST(DirectLight, OfALampIsTheClosedFormWhereNothingBlocks) {
+  RayRun run(loadSurfaces(lampRoom(false)), {600, 0}, {});
+  const DirectLight d = directLight(run, {});
+  const UnoccludedFactor exact(run.facets, run.patches);
+  const std::vector<uint32_t> lamp = run.patchesOf("lamp");
+  for (uint32_t i = 0; i < run.patches.size(); ++i) {
+    const std::string surface = surfaceNameOf(run.scene, run.patches.patches[i]);
+    if (surface == "z1" || surface == "lamp") continue;  // beside the lamp's edge, or behind it
+    double h = 0;
+    for (const uint32_t j : lamp) h += 100 * exact(i, j);
+    // 2 x 2 Gauss points; 6 x 6 where the lamp's plane cuts the patch, which leave 0.2 % of the mean (about 1).
+    EXPECT_NEAR(d.irradiance[i].r, h, 1e-3 * h + 2e-3) << i << " on " << surface;
+  }
+}
+
+// Behind a table: against rays by the hundred thousand.
+TEST(DirectLight, OfALampIsWithinItsErrorWhereATableBlocks) {
+  RayRun run(loadSurfaces(lampRoom(true)), {600, 0}, {.rays = 1u << 18});
+  run.makeRowsOf("z0");
+  const DirectLight d = directLight(run, {}), fine = directLight(run, {}, {.shadowRays = 16384});
+  std::vector<bool> lamp(run.patches.size(), false);
+  for (const uint32_t j : run.patchesOf("lamp")) lamp[j] = true;
+  size_t within = 0, all = 0, shaded = 0;
+  double meanOf = 0, meanFound = 0;
+  for (const uint32_t i : run.patchesOf("z0")) {
+    double h = 0;
+    run.f[i].forEach([&](size_t j, double f) { h += lamp[j] ? 100 * f : 0; });
+    const double noise = 100 * std::sqrt(std::max(h / 100, 1e-5) / (1 << 18));
+    if (std::abs(d.irradiance[i].r - h) <= 3 * (d.deviation[i] + noise)) ++within;
+    EXPECT_NEAR(fine.irradiance[i].r, h, 4 * noise + 0.01 * h) << i;
+    if (d.irradiance[i].r < 1e-9) ++shaded;
+    ++all;
+    meanOf += h;
+    meanFound += d.irradiance[i].r;
+  }
+  EXPECT_GE(within, 0.98 * static_cast<double>(all));
+  EXPECT_GT(shaded, 0u);
+  EXPECT_NEAR(meanFound, meanOf, 0.003 * meanOf);
+}
+
+TEST(DirectLight, OfPunctualLightsFollowsTheInverseSquareAndCastsShadows) {
+  PunctualLight point;
+  point.kind = PunctualLight::Kind::point;
+  point.position = {2, 2, 2.2};
+  point.intensity = Rgb(1000, 500, 250);
+  RayRun run(loadSurfaces(lampRoom(true)), {2000, 0}, {});
+  const DirectLight d = directLight(run, {point});
+  const DirectLight lampOnly = directLight(run, {});
+  for (const uint32_t i : run.patchesOf("z0")) {
+    const Vec3 c = run.patches.patches[i].centre, to = point.position - c;
+    const double r2 = glm::dot(to, to), h = 1000 * 2.2 / (r2 * std::sqrt(r2));
+    const Rgb found = d.irradiance[i] - lampOnly.irradiance[i];
+    // The table at 0.75 m of half width 0.5 throws a shadow of half width 0.5 * 2.2 / 1.45.
+    const double edge = 0.5 * 2.2 / 1.45, away = std::max(std::abs(c.x - 2), std::abs(c.y - 2));
+    if (away < edge - 0.1) {
+      EXPECT_NEAR(found.r, 0, 1e-9);
+    } else if (away > edge + 0.1) {
+      EXPECT_NEAR(found.r, h, 0.002 * h);
+      EXPECT_NEAR(found.b, 0.25 * found.r, 1e-9 * h);
+    }
+  }
+}
+
+// The choice of lamps: small bright ones apart, light from all around in F.
+TEST(LampChoice, LeavesFurnacesAndGlowingCeilingsInF) {
+  const auto apart = [](const std::vector<TestSurface>& surfaces) {
+    const RayRun run(loadSurfaces(surfaces), {1000, 0}, {});
+    return chooseLamps(run.facets, run.patches, {}).lamps.size();
+  };
+  EXPECT_EQ(apart(lampRoom(false)), 1u);
+  EXPECT_EQ(apart(closedBox({1, 1, 1}, Rgb(0.5), Rgb(1))), 0u);
+  auto ceiling = closedBox({4, 4, 2.7}, Rgb(0.5));
+  ceiling[5].emission = Rgb(10);
+  EXPECT_EQ(apart(ceiling), 0u);
+}
+
+// The answer does not depend on the split: with lamps apart and with all in F.
+TEST(EmittersApart, GiveTheAnswerOfTheMatrix) {
+  RayRun run(loadSurfaces(lampRoom(true)), {400, 0}, {.rays = 65536});
+  run.makeAll();
+  DirectLight direct = directLight(run, {}, {.shadowRays = 4096});
+  direct.apart = chooseLamps(run.facets, run.patches, {}).apart;
+  const Solution matrix = solveRadiosity(run.f, run.patches, {}, run.scene, {}, Log(true));
+  const Solution apart = solveRadiosity(run.f, run.patches, direct, run.scene, {}, Log(true));
+  // A wall's patch has some 200 of its 65,536 rays on the lamp: 1 to 2 % per patch, much less for the mean.
+  double difference = 0, mean = 0, total = 0;
+  for (uint32_t i = 0; i < run.patches.size(); ++i) {
+    const double by = run.patches.patches[i].area * (matrix.irradiance[i].r - apart.irradiance[i].r);
+    difference += std::abs(by);
+    mean += by;
+    total += run.patches.patches[i].area * matrix.irradiance[i].r;
+  }
+  EXPECT_LT(difference / total, 0.02);
+  EXPECT_LT(std::abs(mean) / total, 0.003);
+}
+
+TEST(RayRows, AreTheSameOnOneThreadAndOnTwo) {
+  const Scene scene = loadSurfaces(lampRoom(true));
+  const auto made = [&](int threads, uint64_t seed, uint32_t rays) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(threads));
+    auto run = std::make_unique<RayRun>(scene, PatchOptions{700, 0}, RayOptions{.rays = rays, .seed = seed});
+    run->makeAll();
+    return run;
+  };
+  for (const uint32_t rays : {100u, 2048u}) {
+    const auto one = made(1, 1, rays), two = made(2, 1, rays), other = made(2, 2, rays);
+    size_t different = 0;
+    for (uint32_t i = 0; i < one->patches.size(); ++i) {
+      const auto a = one->f[i].expanded(), b = two->f[i].expanded(), c = other->f[i].expanded();
+      ASSERT_EQ(std::memcmp(a.data(), b.data(), a.size() * sizeof(float)), 0) << "row " << i;
+      different += a != c ? 1 : 0;
+    }
+    EXPECT_GT(different, one->patches.size() / 2) << "the seed changes rows";
+  }
+}
+
+// What cannot be: more through a blocker than without it, factors beyond their bounds.
+TEST(RayRows, KeepTheirInvariants) {
+  RayRun free(loadSurfaces(lampRoom(false)), {300, 0}, {.rays = 4096}), blocked(loadSurfaces(lampRoom(true)), {300, 0}, {.rays = 4096});
+  EXPECT_LT(blocked.factor("z0", "lamp"), 0.9 * free.factor("z0", "lamp"));
+  EXPECT_LE(blocked.factor("x0", "x1"), 1.001 * free.factor("x0", "x1"));
+  free.makeAll();
+  const FormFactorChecks checks = checkFormFactors(free.f, free.patches);
+  EXPECT_GE(checks.smallest, 0);
+  EXPECT_LE(checks.largest, 1);
+  EXPECT_LT(checks.rowSumMax, 1 + 1e-6);
+}
+
+std::vector<SensorReading> read(const std::vector<TestSurface>& surfaces, const std::vector<Sensor>& sensors,
+                                size_t patches = 1000) {
+  RayRun run(loadSurfaces(surfaces), {patches, 0}, {.rays = 1024});
+  run.makeAll();
+  const LampPlan plan = chooseLamps(run.facets, run.patches, {});
+  const DirectIrradiance light(run.tracer, run.facets, run.patches, plan.lamps, {}, {});
+  DirectLight direct;
+  if (!plan.lamps.empty()) direct = light.compute(std::vector<double>(run.patches.size(), 1.0));
+  direct.apart = plan.apart;
+  const Solution s = solveRadiosity(run.f, run.patches, direct, run.scene, {.residual = 1e-8}, Log(true));
+  return readSensors(run.tracer, run.facets, run.patches, light, direct, s, sensors, {});
+}
+
+std::vector<Sensor> someSensors() {
+  std::vector<Sensor> sensors;
+  for (const Vec3& n : {Vec3(0, 0, 1), Vec3(1, 0, 0), Vec3(-0.6, 0, 0.8), Vec3(0, -1, 0)})
+    for (const Vec3& p : {Vec3(0.5, 0.5, 0.5), Vec3(0.3, 0.6, 0.2), Vec3(0.8, 0.25, 0.7)}) sensors.push_back({p, n});
+  return sensors;
+}
+
+// Anywhere in a furnace: H = E / (1 - rho).
+TEST(Sensors, ReadTheFurnace) {
+  for (const SensorReading& r : read(closedBox({1, 1, 1}, Rgb(0.2, 0.5, 0.9), Rgb(1)), someSensors())) {
+    EXPECT_NEAR(r.irradiance.r, 1.25, 1e-5 * 1.25);
+    EXPECT_NEAR(r.irradiance.g, 2.0, 1e-5 * 2);
+    EXPECT_NEAR(r.irradiance.b, 10.0, 1e-4 * 10);
+    EXPECT_LT(r.error, 1e-3);
+  }
+}
+
+// A black box under a glowing ceiling: the point-to-rectangle factor, by its closed form.
+TEST(Sensors, ReadAGlowingCeilingWithinTheirError) {
+  auto box = closedBox({1, 1, 1}, Rgb(0));
+  box[5].emission = Rgb(3, 2, 1);
+  size_t within = 0, all = 0;
+  const std::vector<Sensor> sensors = someSensors();
+  const auto readings = read(box, sensors);
+  for (size_t k = 0; k < sensors.size(); ++k) {
+    const Vec3 p = sensors[k].position;
+    const std::vector<Vec3> ceiling = {{0, 0, 1}, {0, 1, 1}, {1, 1, 1}, {1, 0, 1}};
+    const double h = 3 * pointToPolygon(p, sensors[k].normal, ceiling);
+    if (std::abs(readings[k].irradiance.r - h) <= 2 * readings[k].error) ++within;
+    EXPECT_NEAR(readings[k].irradiance.r, h, 0.01 * 3);
+    EXPECT_LT(readings[k].error, 0.02 * 3);
+    ++all;
+  }
+  EXPECT_GE(within, all - 1);
+}
+
+// Inside a sphere: the irradiance at its wall, on a facet's plane (integrating sphere, truth B2a).
+TEST(Sensors, ReadTheIntegratingSphere) {
+  auto zones = sphereZones("zone", 1, true, {-1, -0.96, 1}, 40);
+  zones[0].reflectance = Rgb(0);
+  zones[0].emission = Rgb(10);
+  zones[1].reflectance = Rgb(0.9);
+  std::vector<Sensor> sensors;
+  for (const Vec3& d : {glm::normalize(Vec3(1, 0.3, 0.1)), glm::normalize(Vec3(-0.2, 1, 0.5))})
+    sensors.push_back({0.98 * d, -d});
+  for (const SensorReading& r : read(zones, sensors))
+    EXPECT_NEAR(r.irradiance.r, 1.694915254237288, 0.02 * 1.695 + 2 * r.error);  // 40 segments: 1 % less cap
+}
+
+}  // namespace
+}  // namespace farol::test
