@@ -2,10 +2,10 @@
 #include "base/output_file.h"
 #include "output/output.h"
 
+#include <cstdio>
 #include <fmt/ostream.h>
 #include <fstream>
 #include <numeric>
-#include <regex>
 
 namespace farol {
 
@@ -54,13 +54,14 @@ FormFactorMatrix loadFactorsNpy(const std::string& path, size_t patches) {
     throw Error("{}: not a NumPy file of version 1", path);
   std::string header(static_cast<unsigned char>(start[8]) + 256u * static_cast<unsigned char>(start[9]), ' ');
   file.read(header.data(), static_cast<std::streamsize>(header.size()));
-  std::smatch shape;
+  unsigned long rows = 0, columns = 0;
+  const size_t shape = header.find("'shape': (");
   const bool known = header.find("'<f4'") != std::string::npos && header.find("'fortran_order': False") != std::string::npos;
-  if (!file || !known || !std::regex_search(header, shape, std::regex("'shape': \\(([0-9]+), ([0-9]+)\\)")))
+  if (!file || !known || shape == std::string::npos ||
+      std::sscanf(header.c_str() + shape, "'shape': (%lu, %lu)", &rows, &columns) != 2)
     throw Error("{}: not a matrix of little-endian float32 in rows", path);
-  if (shape[1] != std::to_string(patches) || shape[2] != std::to_string(patches)) {
-    throw Error("{}: holds {} x {} factors, the scene has {} patches with these options", path, shape[1].str(),
-                shape[2].str(), patches);
+  if (rows != patches || columns != patches) {
+    throw Error("{}: holds {} x {} factors, the scene has {} patches with these options", path, rows, columns, patches);
   }
   FormFactorMatrix f(patches);
   for (uint32_t i = 0; i < patches; ++i) {
