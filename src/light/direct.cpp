@@ -215,7 +215,7 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
   };
   const auto shoot = [&](const Source& source, uint32_t number) {
     double x[4];  // where on the patch, where on the source
-    const std::array<uint32_t, 4>& fixed = points_[std::min<size_t>(number, points_.size() - 1)];
+    const std::array<uint32_t, 4>& fixed = points_[number % points_.size()];
     for (size_t c = 0; c < 4; ++c) x[c] = (static_cast<uint32_t>(fixed[c] + source.shift[c]) + 0.5) * 0x1p-32;
     const Vec3 p = originOf(x[0], x[1]);
     if (r.partlyCovered && insideObject(tracer_, facets_, p, r.normal, false)) return;

@@ -207,6 +207,27 @@ TEST(Sensors, ReadAGlowingCeilingWithinTheirError) {
   EXPECT_GE(within, all - 1);
 }
 
+// Half of a lamp hidden by a screen close below it, in a black room: Lambert's sum over the part that a sensor sees,
+// which the screen's edge cuts at x = 2 seen from the sensor.
+TEST(Sensors, ReadAHalfHiddenLampWithinTheirError) {
+  auto scene = lampRoom(false);
+  for (TestSurface& s : scene) s.reflectance = Rgb(0);
+  constexpr double kLamp = 2.6, kScreen = 2.55;
+  scene.push_back({"screen", {{{1, 1, kScreen}, {2, 1, kScreen}, {2, 3, kScreen}, {1, 3, kScreen}}}, Rgb(0), Rgb(0), true});
+  std::vector<Sensor> sensors;
+  for (int k = 0; k < 64; ++k) sensors.push_back({{1.2 + 0.2 * (k % 8), 1.2 + 0.2 * (k / 8), 0.8}, {0, 0, 1}});
+  const auto readings = read(scene, sensors, 400);
+  size_t within = 0;
+  for (size_t k = 0; k < sensors.size(); ++k) {
+    const Vec3 p = sensors[k].position;
+    const double cut = std::clamp(p.x + (2 - p.x) * (kLamp - p.z) / (kScreen - p.z), 1.8, 2.2);
+    const double h = 100 * pointToPolygon(p, sensors[k].normal, std::vector<Vec3>{{2.2, 1.8, kLamp}, {cut, 1.8, kLamp}, {cut, 2.2, kLamp}, {2.2, 2.2, kLamp}});
+    EXPECT_NEAR(readings[k].irradiance.r, h, 0.01 * h) << k;  // 1,024 rays: 0.1 % on average
+    if (std::abs(readings[k].irradiance.r - h) <= 2 * readings[k].error) ++within;
+  }
+  EXPECT_GE(within, 61u);  // 95 of 100
+}
+
 // Inside a sphere: the irradiance at its wall, on a facet's plane (integrating sphere, truth B2a).
 TEST(Sensors, ReadTheIntegratingSphere) {
   auto zones = sphereZones("zone", 1, true, {-1, -0.96, 1}, 40);
