@@ -70,15 +70,7 @@ NearField::NearField(const Tracer& tracer, const FacetSet& facets, const PatchSe
     : tracer_(tracer), facets_(facets), patches_(patches), exposed_(exposed), seed_(seed), factor_(facets, patches) {}
 
 std::vector<Position> NearField::exposedPoints(uint32_t i) const {
-  std::vector<Position> points;
-  double total = 0;
-  for (const Position& p : positionsOn(facets_, patches_, i, 64, seed_ + i)) {
-    if (insideObject(tracer_, facets_, p.point, patches_.patches[i].normal, false)) continue;
-    points.push_back(p);
-    total += p.weight;
-  }
-  for (Position& p : points) p.weight /= total;
-  return points;
+  return exposedPositions(tracer_, facets_, positionsOn(facets_, patches_, i, 64, seed_ + i), patches_.patches[i].normal);
 }
 
 double NearField::visibleShare(std::span<const Position> from, uint32_t i, uint32_t j) const {
@@ -93,13 +85,7 @@ double NearField::visibleShare(std::span<const Position> from, uint32_t i, uint3
     const double squared = glm::dot(d, d), ci = glm::dot(ni, d), cj = -glm::dot(nj, d);
     if (ci <= 0 || cj <= 0) continue;
     kernel[lanes] = ci * cj / (squared * squared);
-    packet.ox[lanes] = static_cast<float>(p.x);
-    packet.oy[lanes] = static_cast<float>(p.y);
-    packet.oz[lanes] = static_cast<float>(p.z);
-    packet.dx[lanes] = static_cast<float>(d.x);
-    packet.dy[lanes] = static_cast<float>(d.y);
-    packet.dz[lanes] = static_cast<float>(d.z);
-    ++lanes;
+    packet.set(lanes++, p, d);
   }
   if (lanes == 0) return 1;
   const uint32_t hidden = tracer_.occluded(packet, lanes);

@@ -32,6 +32,10 @@ float unitFloat(uint32_t fixed) {
   return static_cast<float>(fixed >> 8) * 0x1p-24f;
 }
 
+void resize(SampleTable::Columns& c, size_t size) {
+  for (auto* column : {&c.dx, &c.dy, &c.dz, &c.s, &c.t}) column->resize(size);
+}
+
 float wrap(float x) {
   return x >= 1 ? x - 1 : x;
 }
@@ -40,11 +44,7 @@ float wrap(float x) {
 
 SampleTable::SampleTable(uint32_t k, uint64_t seed, Kind kind) : samples(k) {
   const size_t total = size_t{kBlocks} * samples;
-  dx.resize(total + kPacketSize);
-  dy.resize(total + kPacketSize);
-  dz.resize(total + kPacketSize);
-  s.resize(total + kPacketSize);
-  t.resize(total + kPacketSize);
+  resize(apart, total + kPacketSize);
   std::vector<uint32_t> codes(total);
   std::array<uint32_t, 4> scramble{};
   for (uint32_t c = 0; c < 4; ++c) scramble[c] = static_cast<uint32_t>(mixBits(mixBits(seed) + c));
@@ -78,19 +78,27 @@ SampleTable::SampleTable(uint32_t k, uint64_t seed, Kind kind) : samples(k) {
     for (uint32_t i = 0; i < samples; ++i) {
       const size_t at = size_t{block} * samples + i;
       const Point& p = points[i];
-      dx[at] = p.x;
-      dy[at] = p.y;
-      dz[at] = p.z;
-      s[at] = p.s;
-      t[at] = p.t;
+      apart.dx[at] = p.x;
+      apart.dy[at] = p.y;
+      apart.dz[at] = p.z;
+      apart.s[at] = p.s;
+      apart.t[at] = p.t;
       codes[at] = p.code;
     }
   });
   if (samples > kMixedSamples) return;
-  together.resize(total);
-  for (uint32_t i = 0; i < total; ++i) together[i] = i;
-  std::sort(together.begin(), together.end(),
+  std::vector<uint32_t> order(total);
+  for (uint32_t i = 0; i < total; ++i) order[i] = i;
+  std::sort(order.begin(), order.end(),
             [&](uint32_t a, uint32_t b) { return codes[a] != codes[b] ? codes[a] < codes[b] : a < b; });
+  resize(together, total + kPacketSize);
+  togetherFrom.resize(total + kPacketSize);
+  for (uint32_t i = 0; i < total; ++i) {
+    const uint32_t e = order[i];
+    for (const auto column : {&Columns::dx, &Columns::dy, &Columns::dz, &Columns::s, &Columns::t})
+      (together.*column)[i] = (apart.*column)[e];
+    togetherFrom[i] = e / samples;
+  }
 }
 
 TileSeat seatOf(const FacetSet& facets, const PatchSet& patches, uint32_t patch, uint64_t seed) {
@@ -139,22 +147,21 @@ void turnDirections(const std::array<glm::vec3, 3>& frame, const float* x, const
   }
 }
 
-// Sixteen origins on one parallelogram's cell: corner, u, v.
+// Sixteen origins spread over parallelograms with sides u and v, from their corners.
 #if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__)
 __attribute__((target_clones("default", "avx2")))
 #endif
-void spreadOrigins(const std::array<glm::vec3, 3>& cell, float margin, glm::vec2 shift, const float* s, const float* t,
+void spreadOrigins(const glm::vec3& u, const glm::vec3& v, float margin, glm::vec2 shift, const float* s, const float* t,
                    RayPacket& rays) {
-  const glm::vec3 &o = cell[0], &u = cell[1], &v = cell[2];
   for (uint32_t k = 0; k < kPacketSize; ++k) {
     float a = s[k] + shift.x, b = t[k] + shift.y;
     a = a >= 1 ? a - 1 : a;
     b = b >= 1 ? b - 1 : b;
     a = std::min(std::max(a, margin), 1 - margin);
     b = std::min(std::max(b, margin), 1 - margin);
-    rays.ox[k] = o.x + a * u.x + b * v.x;
-    rays.oy[k] = o.y + a * u.y + b * v.y;
-    rays.oz[k] = o.z + a * u.z + b * v.z;
+    rays.ox[k] += a * u.x + b * v.x;
+    rays.oy[k] += a * u.y + b * v.y;
+    rays.oz[k] += a * u.z + b * v.z;
   }
 }
 
@@ -162,7 +169,7 @@ void spreadOrigins(const std::array<glm::vec3, 3>& cell, float margin, glm::vec2
 
 TileRays::TileRays(const FacetSet& facets, const PatchSet& patches, const SampleTable& table,
                    const RayOptions& options, std::span<const uint32_t> patchIds)
-    : table_(table), together_(patchIds.size() > 1), spread_(options.spread) {
+    : table_(table), together_(patchIds.size() > 1), spread_(options.spread), alike_(true) {
   const TileSeat seat = seatOf(facets, patches, patchIds[0], options.seed);
   shiftS_ = seat.s;
   shiftT_ = seat.t;
@@ -173,6 +180,7 @@ TileRays::TileRays(const FacetSet& facets, const PatchSet& patches, const Sample
   bitangent_ = std::cos(seat.turn) * b - std::sin(seat.turn) * a;
   normal_ = n;
   memberOf_.fill(kNone);
+  full_ = patchIds.size() == SampleTable::kBlocks;
   members_.resize(patchIds.size());
   for (uint32_t m = 0; m < patchIds.size(); ++m) {
     const uint32_t patch = patchIds[m];
@@ -194,6 +202,7 @@ TileRays::TileRays(const FacetSet& facets, const PatchSet& patches, const Sample
     for (Span& c : member.cells) c.end /= static_cast<float>(total);
     // Origins keep clear of the edges, beyond which rounding could put them.
     member.margin = static_cast<float>(std::min(0.01, 2 * kRayOffset / shortest));
+    alike_ &= member.cells.size() == 1 && !member.cells[0].triangle && spread_;
   }
 }
 
@@ -224,42 +233,50 @@ void TileRays::place(const Member& member, float s, float t, uint32_t lane, RayP
 }
 
 uint32_t TileRays::next(RayPacket& rays, std::array<uint32_t, kPacketSize>& member) {
-  float x[kPacketSize], y[kPacketSize], z[kPacketSize], s[kPacketSize], t[kPacketSize];
-  uint32_t lanes = 0;
-  if (together_) {
+  // The tables are padded: a whole packet can be read at their ends.
+  const SampleTable::Columns& table = together_ ? table_.together : table_.apart;
+  const float *x = &table.dx[at_], *y = &table.dy[at_], *z = &table.dz[at_], *s = &table.s[at_], *t = &table.t[at_];
+  uint32_t lanes = std::min(kPacketSize, end_ - at_);
+  float own[5][kPacketSize];
+  if (!together_ || full_) {
+    for (uint32_t k = 0; k < kPacketSize; ++k) member[k] = together_ ? memberOf_[table_.togetherFrom[at_ + k]] : 0;
+    at_ += lanes;
+  } else {  // leaves out what belongs to nobody
+    std::fill_n(&own[0][0], 5 * kPacketSize, 0.0f);
+    member.fill(0);
+    lanes = 0;
     for (; at_ < end_ && lanes < kPacketSize; ++at_) {
-      const uint32_t e = table_.together[at_];
-      const uint32_t m = memberOf_[e / table_.samples];
+      const uint32_t m = memberOf_[table_.togetherFrom[at_]];
       if (m == kNone) continue;
       member[lanes] = m;
-      x[lanes] = table_.dx[e];
-      y[lanes] = table_.dy[e];
-      z[lanes] = table_.dz[e];
-      s[lanes] = wrap(table_.s[e] + shiftS_);
-      t[lanes] = wrap(table_.t[e] + shiftT_);
+      own[0][lanes] = table.dx[at_];
+      own[1][lanes] = table.dy[at_];
+      own[2][lanes] = table.dz[at_];
+      own[3][lanes] = table.s[at_];
+      own[4][lanes] = table.t[at_];
       ++lanes;
     }
-    for (uint32_t k = lanes; k < kPacketSize; ++k) x[k] = y[k] = z[k] = 0;
-    turnDirections({tangent_, bitangent_, normal_}, x, y, z, rays);
-  } else {
-    lanes = std::min(kPacketSize, end_ - at_);
-    // The table is padded: a whole packet can be read at its end.
-    turnDirections({tangent_, bitangent_, normal_}, &table_.dx[at_], &table_.dy[at_], &table_.dz[at_], rays);
-    const uint32_t first = at_;
-    at_ += lanes;
-    member.fill(0);
-    const Member& only = members_[0];
-    if (only.cells.size() == 1 && !only.cells[0].triangle && spread_) {
-      const Span& c = only.cells[0];
-      spreadOrigins({c.origin, c.u, c.v}, only.margin, {shiftS_, shiftT_}, &table_.s[first], &table_.t[first], rays);
-      return lanes;
-    }
-    for (uint32_t k = 0; k < lanes; ++k) {
-      s[k] = wrap(table_.s[first + k] + shiftS_);
-      t[k] = wrap(table_.t[first + k] + shiftT_);
-    }
+    x = own[0];
+    y = own[1];
+    z = own[2];
+    s = own[3];
+    t = own[4];
   }
-  for (uint32_t k = 0; k < lanes; ++k) this->place(members_[member[k]], s[k], t[k], k, rays);
+  if (lanes == 0) return 0;
+  turnDirections({tangent_, bitangent_, normal_}, x, y, z, rays);
+  if (alike_) {
+    for (uint32_t k = 0; k < kPacketSize; ++k) {
+      const glm::vec3& corner = members_[member[k]].cells[0].origin;
+      rays.ox[k] = corner.x;
+      rays.oy[k] = corner.y;
+      rays.oz[k] = corner.z;
+    }
+    const Span& c = members_[0].cells[0];
+    spreadOrigins(c.u, c.v, members_[0].margin, {shiftS_, shiftT_}, s, t, rays);
+  } else {
+    for (uint32_t k = 0; k < lanes; ++k)
+      this->place(members_[member[k]], wrap(s[k] + shiftS_), wrap(t[k] + shiftT_), k, rays);
+  }
   return lanes;
 }
 
@@ -286,7 +303,8 @@ struct RayRowMaker::Impl {
   void makeRows(std::span<const uint32_t> members, RowStore& store) const {
     const auto nothing = static_cast<uint32_t>(patches.size());
     const uint32_t count = options.rays;
-    static thread_local std::array<Row, SampleTable::kBlocks> rows;
+    static thread_local std::array<Row, SampleTable::kBlocks> ownRows;
+    auto& rows = ownRows;
     for (size_t m = 0; m < members.size(); ++m) {
       rows[m].ids.assign(count, nothing);
       rows[m].backHits.clear();
@@ -301,20 +319,20 @@ struct RayRowMaker::Impl {
       for (uint32_t k = 0; k < lanes; ++k) {
         const uint32_t facet = hits.facet[k];
         Row& row = rows[member[k]];
-        const uint32_t ray = row.traced++;
+        uint32_t& id = row.ids[row.traced++];
         if (facet == kNone) {
           ++row.missed;
           continue;
         }
-        const bool back = hitPatches.seenFromBehind(facet, packet.dx[k], packet.dy[k], packet.dz[k]);
-        const uint32_t id = hitPatches.at(facet, back, hits.u[k], hits.v[k]);
-        if (id == kNone)
+        const bool back = hitPatches.seenFromBehind(facet, packet, k);
+        const uint32_t met = hitPatches.at(facet, back, hits.u[k], hits.v[k]);
+        if (met == kNone)
           ++row.backs;
         else
-          row.ids[ray] = id;
+          id = met;
         if (back) {
           row.backHits.push_back(
-              {ray, {packet.ox[k], packet.oy[k], packet.oz[k]}, !facets.facets[facet].doubleSided});
+              {row.traced - 1, {packet.ox[k], packet.oy[k], packet.oz[k]}, !facets.facets[facet].doubleSided});
         }
       }
     }
@@ -342,28 +360,45 @@ struct RayRowMaker::Impl {
                        std::vector<uint32_t>& ids, uint32_t& backs) const {
     const auto nothing = static_cast<uint32_t>(patches.size());
     const Vec3& normal = patches.patches[patch].normal;
+    // Bits of those of hits [first, first + count) whose origins lie inside.
+    const auto inside = [&](size_t first, size_t lanes, size_t step) {
+      std::array<Vec3, kPacketSize> points;
+      uint32_t black = 0;
+      for (size_t k = 0; k < lanes; ++k) {
+        const BackHit& hit = backHits[first + k * step];
+        points[k] = hit.origin - kRayOffset * normal;
+        black |= (hit.black ? 1u : 0u) << k;
+      }
+      return insideObject(tracer, facets, std::span(points).first(lanes), normal, black);
+    };
     // A patch all of whose rays meet black backs is settled by some of them.
     if (backs == count && backHits.size() == count) {
       constexpr size_t kEnough = 64;
-      const size_t step = std::max<size_t>(1, backHits.size() / kEnough);
+      const size_t step = std::max<size_t>(1, count / kEnough);
       bool allInside = true;
-      for (size_t k = 0; k < backHits.size() && allInside; k += step) {
-        allInside = backHits[k].black &&
-                    insideObject(tracer, facets, backHits[k].origin - kRayOffset * normal, normal, true);
+      for (size_t k = 0; k < count && allInside; k += kPacketSize * step) {
+        const size_t lanes = std::min<size_t>(kPacketSize, (count - k + step - 1) / step);
+        for (size_t l = 0; l < lanes; ++l) allInside &= backHits[k + l * step].black;
+        allInside = allInside && inside(k, lanes, step) == (1u << lanes) - 1;
       }
       if (allInside) return count;
     }
     uint32_t dropped = 0;
     std::vector<const BackHit*> twoSided;
-    for (const BackHit& hit : backHits) {
-      if (!insideObject(tracer, facets, hit.origin - kRayOffset * normal, normal, hit.black)) continue;
-      if (!hit.black) {
-        twoSided.push_back(&hit);
-        continue;
+    for (size_t first = 0; first < backHits.size(); first += kPacketSize) {
+      const size_t lanes = std::min<size_t>(kPacketSize, backHits.size() - first);
+      const uint32_t bits = inside(first, lanes, 1);
+      for (size_t k = 0; k < lanes; ++k) {
+        const BackHit& hit = backHits[first + k];
+        if ((bits >> k & 1) == 0) continue;
+        if (!hit.black) {
+          twoSided.push_back(&hit);
+          continue;
+        }
+        ++dropped;
+        if (ids[hit.ray] == nothing) --backs;
+        ids[hit.ray] = nothing;
       }
-      ++dropped;
-      if (ids[hit.ray] == nothing) --backs;
-      ids[hit.ray] = nothing;
     }
     // All of a patch behind double-sided walls may be a room whose walls face outwards: nothing stands on it.
     if (dropped + twoSided.size() >= count && dropped == 0) return 0;

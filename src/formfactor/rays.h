@@ -22,10 +22,15 @@ struct SampleTable {
 
   SampleTable(uint32_t samples, uint64_t seed, Kind kind = Kind::lowDiscrepancy);
 
-  uint32_t samples;                // K, per block
-  std::vector<float> dx, dy, dz;   // [16 K, and a packet of zeros] unit directions, z along the normal
-  std::vector<float> s, t;         // [16 K, and a packet of zeros] origins in the unit square
-  std::vector<uint32_t> together;  // [16 K] all blocks in one order of directions; empty where K is large
+  // Directions (unit, z along the normal) and origins in the unit square, [16 K] and a packet of zeros.
+  struct Columns {
+    std::vector<float> dx, dy, dz, s, t;
+  };
+
+  uint32_t samples;                   // K, per block
+  Columns apart;                      // block after block
+  Columns together;                   // all blocks in one order of directions; empty where K is large
+  std::vector<uint32_t> togetherFrom;  // [16 K] and a packet of zeros: the block of each
 };
 
 // Where a patch stands in its tile, and what its tile does to the table.
@@ -84,9 +89,11 @@ class TileRays {
   const SampleTable& table_;
   uint32_t at_, end_;
   bool together_, spread_;
+  bool alike_;  // every member is one cell with the same sides
   float shiftS_, shiftT_;
   glm::vec3 tangent_, bitangent_, normal_;
   std::array<uint32_t, SampleTable::kBlocks> memberOf_;  // by block; kNone where nobody sits
+  bool full_;                                            // somebody sits everywhere
   std::vector<Member> members_;
 };
 

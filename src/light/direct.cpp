@@ -68,19 +68,8 @@ DirectIrradiance::Receiver DirectIrradiance::receiverOf(uint32_t patch, double e
   r.seed = mixBits(static_cast<uint64_t>(seat.turn * 1e15));
   const bool oneCell = patches_.cellsOf(patch).size() == 1;
   r.partlyCovered = exposed < 1;
-  const auto exposedOnly = [&](std::vector<Position> points) {
-    if (!r.partlyCovered) return points;
-    std::vector<Position> kept;
-    double total = 0;
-    for (const Position& q : points) {
-      if (insideObject(tracer_, facets_, q.point, r.normal, false)) continue;
-      kept.push_back(q);
-      total += q.weight;
-    }
-    for (Position& q : kept) q.weight /= total;
-    return kept;
-  };
-  r.points = exposedOnly(positionsOn(facets_, patches_, patch, r.partlyCovered ? 64 : oneCell ? 4 : 16, r.seed));
+  r.points = positionsOn(facets_, patches_, patch, r.partlyCovered ? 64 : oneCell ? 4 : 16, r.seed);
+  if (r.partlyCovered) r.points = exposedPositions(tracer_, facets_, r.points, r.normal);
   return r;
 }
 
@@ -218,7 +207,7 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
     const std::array<uint32_t, 4>& fixed = points_[number % points_.size()];
     for (size_t c = 0; c < 4; ++c) x[c] = (static_cast<uint32_t>(fixed[c] + source.shift[c]) + 0.5) * 0x1p-32;
     const Vec3 p = originOf(x[0], x[1]);
-    if (r.partlyCovered && insideObject(tracer_, facets_, p, r.normal, false)) return;
+    if (r.partlyCovered && insideObject(tracer_, facets_, std::span(&p, 1), r.normal, 0) != 0) return;
     const Vec3 from = p + kRayOffset * r.normal;
     Vec3 to;
     double k = 0;
@@ -234,12 +223,7 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
                                                                   : facets_.frame.toUnit(source.light->position);
     }
     if (!(k > 0)) return;
-    packet.ox[lanes] = static_cast<float>(from.x);
-    packet.oy[lanes] = static_cast<float>(from.y);
-    packet.oz[lanes] = static_cast<float>(from.z);
-    packet.dx[lanes] = static_cast<float>(to.x - from.x);
-    packet.dy[lanes] = static_cast<float>(to.y - from.y);
-    packet.dz[lanes] = static_cast<float>(to.z - from.z);
+    packet.set(lanes, from, to - from);
     kernel[lanes] = k;
     of[lanes] = &source;
     if (++lanes == kPacketSize) flush();

@@ -32,14 +32,9 @@ std::vector<SensorReading> readSensors(const Tracer& tracer, const FacetSet& fac
         const uint32_t lanes = std::min(kPacketSize, perBlock - first);
         for (uint32_t l = 0; l < lanes; ++l) {
           const size_t at = size_t{k} * perBlock + first + l;
-          const Vec3 d = static_cast<double>(table.dx[at]) * t + static_cast<double>(table.dy[at]) * u +
-                         static_cast<double>(table.dz[at]) * n;
-          packet.ox[l] = static_cast<float>(origin.x);
-          packet.oy[l] = static_cast<float>(origin.y);
-          packet.oz[l] = static_cast<float>(origin.z);
-          packet.dx[l] = static_cast<float>(d.x);
-          packet.dy[l] = static_cast<float>(d.y);
-          packet.dz[l] = static_cast<float>(d.z);
+          const Vec3 d = static_cast<double>(table.apart.dx[at]) * t + static_cast<double>(table.apart.dy[at]) * u +
+                         static_cast<double>(table.apart.dz[at]) * n;
+          packet.set(l, origin, d);
         }
         tracer.intersect(packet, lanes, hits);
         for (uint32_t l = 0; l < lanes; ++l) {
@@ -47,7 +42,7 @@ std::vector<SensorReading> readSensors(const Tracer& tracer, const FacetSet& fac
             block[k] += options.sky;
             continue;
           }
-          const bool back = tracer.seenFromBehind(hits.facet[l], packet.dx[l], packet.dy[l], packet.dz[l]);
+          const bool back = hitPatches.seenFromBehind(hits.facet[l], packet, l);
           const uint32_t patch = hitPatches.at(hits.facet[l], back, hits.u[l], hits.v[l]);
           if (patch != kNone) block[k] += carried[patch];
         }

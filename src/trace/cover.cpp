@@ -1,14 +1,13 @@
 #include "trace/cover.h"
 
-#include "patch/positions.h"
-
 #include <array>
 #include <tbb/parallel_for.h>
 
 namespace farol {
 
-bool insideObject(const Tracer& tracer, const FacetSet& facets, const Vec3& point, const Vec3& normal, bool black) {
-  const Vec3 t = anyPerpendicular(normal), b = glm::cross(normal, t), origin = point + kRayOffset * normal;
+uint32_t insideObject(const Tracer& tracer, const FacetSet& facets, std::span<const Vec3> points, const Vec3& normal,
+                      uint32_t black) {
+  const Vec3 t = anyPerpendicular(normal), b = glm::cross(normal, t);
   static const std::array<Vec3, 8> directions = [] {  // straight up first: it settles most points that are not inside
     std::array<Vec3, 8> d{Vec3(0, 0, 1)};
     for (int k = 1; k < 8; ++k) {
@@ -19,17 +18,47 @@ bool insideObject(const Tracer& tracer, const FacetSet& facets, const Vec3& poin
     }
     return d;
   }();
+  RayPacket rays;
+  HitPacket hits;
+  std::array<uint32_t, kPacketSize> left{};  // points that may lie inside
+  auto lanes = static_cast<uint32_t>(points.size());
+  for (uint32_t k = 0; k < lanes; ++k) left[k] = k;
   for (const Vec3& local : directions) {
     const Vec3 direction = local.x * t + local.y * b + local.z * normal;
-    const uint32_t facet = tracer.firstFacet(origin, direction);
-    if (facet == kNone) return false;
-    if (!tracer.seenFromBehind(facet, static_cast<float>(direction.x), static_cast<float>(direction.y),
-                               static_cast<float>(direction.z))) {
-      return false;
+    for (uint32_t k = 0; k < lanes; ++k) rays.set(k, points[left[k]] + kRayOffset * normal, direction);
+    tracer.intersect(rays, lanes, hits);
+    uint32_t kept = 0;
+    for (uint32_t k = 0; k < lanes; ++k) {
+      const uint32_t facet = hits.facet[k];
+      if (facet == kNone || !tracer.seenFromBehind(facet, rays, k)) continue;
+      if ((black >> left[k] & 1) != 0 && facets.facets[facet].doubleSided) continue;
+      left[kept++] = left[k];
     }
-    if (black && facets.facets[facet].doubleSided) return false;
+    lanes = kept;
+    if (lanes == 0) return 0;
   }
-  return true;
+  uint32_t inside = 0;
+  for (uint32_t k = 0; k < lanes; ++k) inside |= 1u << left[k];
+  return inside;
+}
+
+std::vector<Position> exposedPositions(const Tracer& tracer, const FacetSet& facets, std::span<const Position> all,
+                                       const Vec3& normal) {
+  std::vector<Position> kept;
+  std::array<Vec3, kPacketSize> points;
+  double total = 0;
+  for (size_t first = 0; first < all.size(); first += kPacketSize) {
+    const size_t count = std::min<size_t>(kPacketSize, all.size() - first);
+    for (size_t k = 0; k < count; ++k) points[k] = all[first + k].point;
+    const uint32_t inside = insideObject(tracer, facets, std::span(points).first(count), normal, 0);
+    for (size_t k = 0; k < count; ++k) {
+      if ((inside >> k & 1) != 0) continue;
+      kept.push_back(all[first + k]);
+      total += kept.back().weight;
+    }
+  }
+  for (Position& p : kept) p.weight /= total;
+  return kept;
 }
 
 ExposedArea findExposedArea(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, int samples,
@@ -48,23 +77,22 @@ ExposedArea findExposedArea(const Tracer& tracer, const FacetSet& facets, const 
     std::vector<bool> covered(points.size(), false);
     for (size_t first = 0; first < points.size(); first += kPacketSize) {
       const auto count = static_cast<uint32_t>(std::min<size_t>(kPacketSize, points.size() - first));
-      for (uint32_t k = 0; k < count; ++k) {
-        const Vec3 o = points[first + k].point + kRayOffset * normal;
-        up.ox[k] = static_cast<float>(o.x);
-        up.oy[k] = static_cast<float>(o.y);
-        up.oz[k] = static_cast<float>(o.z);
-        up.dx[k] = static_cast<float>(normal.x);
-        up.dy[k] = static_cast<float>(normal.y);
-        up.dz[k] = static_cast<float>(normal.z);
-      }
+      for (uint32_t k = 0; k < count; ++k) up.set(k, points[first + k].point + kRayOffset * normal, normal);
       tracer.intersect(up, count, hits);
+      std::array<Vec3, kPacketSize> below;
+      std::array<size_t, kPacketSize> number{};
+      uint32_t lanes = 0, oneSided = 0;
       for (uint32_t k = 0; k < count; ++k) {
-        if (hits.facet[k] == kNone || !tracer.seenFromBehind(hits.facet[k], up.dx[k], up.dy[k], up.dz[k])) continue;
-        anyBack = true;
-        const bool oneSided = !facets.facets[hits.facet[k]].doubleSided;
-        black |= oneSided;
-        covered[first + k] = insideObject(tracer, facets, points[first + k].point, normal, oneSided);
+        if (hits.facet[k] == kNone || !tracer.seenFromBehind(hits.facet[k], up, k)) continue;
+        if (!facets.facets[hits.facet[k]].doubleSided) oneSided |= 1u << lanes;
+        below[lanes] = points[first + k].point;
+        number[lanes++] = first + k;
       }
+      if (lanes == 0) continue;
+      anyBack = true;
+      black |= oneSided != 0;
+      const uint32_t inside = insideObject(tracer, facets, std::span(below).first(lanes), normal, oneSided);
+      for (uint32_t k = 0; k < lanes; ++k) covered[number[k]] = (inside >> k & 1) != 0;
     }
     if (!anyBack) return;
     double share = 0;

@@ -30,7 +30,6 @@ struct Query {
   void occluded(const int* v, RTCScene s, RTCRay4& r) { rtcOccluded4(v, s, &r, &occludedArguments); }
   void occluded(const int* v, RTCScene s, RTCRay8& r) { rtcOccluded8(v, s, &r, &occludedArguments); }
   void occluded(const int* v, RTCScene s, RTCRay16& r) { rtcOccluded16(v, s, &r, &occludedArguments); }
-  void intersectOne(RTCScene s, RTCRayHit& r) { rtcIntersect1(s, &r, nullptr); }
 };
 #else
 struct Query {
@@ -45,7 +44,6 @@ struct Query {
   void occluded(const int* v, RTCScene s, RTCRay4& r) { rtcOccluded4(v, s, &context, &r); }
   void occluded(const int* v, RTCScene s, RTCRay8& r) { rtcOccluded8(v, s, &context, &r); }
   void occluded(const int* v, RTCScene s, RTCRay16& r) { rtcOccluded16(v, s, &context, &r); }
-  void intersectOne(RTCScene s, RTCRayHit& r) { rtcIntersect1(s, &context, &r); }
 };
 #endif
 
@@ -210,25 +208,9 @@ uint32_t Tracer::occluded(const RayPacket& rays, uint32_t count) const {
   return impl_->occluded<4>(rays, count);
 }
 
-uint32_t Tracer::firstFacet(const Vec3& origin, const Vec3& direction) const {
-  Query query;
-  RTCRayHit ray{};
-  ray.ray.org_x = static_cast<float>(origin.x);
-  ray.ray.org_y = static_cast<float>(origin.y);
-  ray.ray.org_z = static_cast<float>(origin.z);
-  ray.ray.dir_x = static_cast<float>(direction.x);
-  ray.ray.dir_y = static_cast<float>(direction.y);
-  ray.ray.dir_z = static_cast<float>(direction.z);
-  ray.ray.tfar = kForever;
-  ray.ray.mask = ~0u;
-  ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-  query.intersectOne(impl_->scene, ray);
-  return ray.hit.geomID < 2 ? impl_->facetOf[ray.hit.geomID][ray.hit.primID] : kNone;
-}
-
-bool Tracer::seenFromBehind(uint32_t facet, float dx, float dy, float dz) const {
+bool Tracer::seenFromBehind(uint32_t facet, const RayPacket& rays, uint32_t k) const {
   const glm::vec3& n = impl_->normals[facet];
-  return dx * n.x + dy * n.y + dz * n.z > 0;
+  return rays.dx[k] * n.x + rays.dy[k] * n.y + rays.dz[k] * n.z > 0;
 }
 
 std::string Tracer::description() const {

@@ -13,6 +13,15 @@ inline constexpr uint32_t kPacketSize = 16;
 struct alignas(64) RayPacket {
   float ox[kPacketSize], oy[kPacketSize], oz[kPacketSize];
   float dx[kPacketSize], dy[kPacketSize], dz[kPacketSize];
+
+  void set(uint32_t lane, const Vec3& origin, const Vec3& direction) {
+    ox[lane] = static_cast<float>(origin.x);
+    oy[lane] = static_cast<float>(origin.y);
+    oz[lane] = static_cast<float>(origin.z);
+    dx[lane] = static_cast<float>(direction.x);
+    dy[lane] = static_cast<float>(direction.y);
+    dz[lane] = static_cast<float>(direction.z);
+  }
 };
 struct alignas(64) HitPacket {
   uint32_t facet[kPacketSize];  // kNone where a ray leaves the scene
@@ -39,10 +48,8 @@ class Tracer {
   // Bit k: something lies between the origin and origin + direction of ray k.
   uint32_t occluded(const RayPacket& rays, uint32_t count) const;
 
-  // Facet that a single ray meets first, kNone for none.
-  uint32_t firstFacet(const Vec3& origin, const Vec3& direction) const;
-
-  bool seenFromBehind(uint32_t facet, float dx, float dy, float dz) const;
+  // Whether lane k's ray meets this facet's back.
+  bool seenFromBehind(uint32_t facet, const RayPacket& rays, uint32_t k) const;
 
   // "Embree 3.13.5, packets of 8".
   std::string description() const;
@@ -58,9 +65,9 @@ class HitPatches {
  public:
   HitPatches(const FacetSet& facets, const PatchSet& patches);
 
-  bool seenFromBehind(uint32_t facet, float dx, float dy, float dz) const {
+  bool seenFromBehind(uint32_t facet, const RayPacket& rays, uint32_t k) const {
     const glm::vec3& n = records_[facet].normal;
-    return dx * n.x + dy * n.y + dz * n.z > 0;
+    return rays.dx[k] * n.x + rays.dy[k] * n.y + rays.dz[k] * n.z > 0;
   }
 
   // kNone when that side has no patch: a black back.

@@ -38,7 +38,7 @@ std::vector<WallPoint> wallPoints(const CornellBox& box, uint32_t perUnitArea) {
       const auto x = sobolPoint(k);
       const Vec2 uv((x[0] + 0.5) * 0x1p-32, (x[1] + 0.5) * 0x1p-32);
       const Vec3 p = box.facets.point(facet, uv.x, uv.y);
-      if (!insideObject(box.tracer, box.facets, p, facet.normal, true)) points.push_back({f, uv, p, box.cellOf(f, p)});
+      if (insideObject(box.tracer, box.facets, std::span(&p, 1), facet.normal, 1) == 0) points.push_back({f, uv, p, box.cellOf(f, p)});
     }
   }
   return points;
@@ -63,7 +63,11 @@ class Gatherer {
       const Vec3 t = anyPerpendicular(here.normal), u = glm::cross(here.normal, t);
       const Vec3 d = r * std::cos(angle) * t + r * std::sin(angle) * u + std::sqrt(1 - r2) * here.normal;
       const Vec3 from = p + kRayOffset * here.normal;
-      const uint32_t hit = box_.tracer.firstFacet(from, d);
+      RayPacket ray;
+      HitPacket hits;
+      ray.set(0, from, d);
+      box_.tracer.intersect(ray, 1, hits);
+      const uint32_t hit = hits.facet[0];
       if (hit == kNone) return sum;
       const Facet& there = box_.facets.facets[hit];
       if (glm::dot(d, there.normal) > 0) return sum;
@@ -90,12 +94,7 @@ class Gatherer {
     if (ci <= 0 || cj <= 0) return Rgb(0);
     RayPacket ray;
     const Vec3 from = p + kRayOffset * here.normal, to = q + kRayOffset * lamp.normal;
-    ray.ox[0] = static_cast<float>(from.x);
-    ray.oy[0] = static_cast<float>(from.y);
-    ray.oz[0] = static_cast<float>(from.z);
-    ray.dx[0] = static_cast<float>(to.x - from.x);
-    ray.dy[0] = static_cast<float>(to.y - from.y);
-    ray.dz[0] = static_cast<float>(to.z - from.z);
+    ray.set(0, from, to - from);
     if (box_.tracer.occluded(ray, 1) != 0) return Rgb(0);
     return box_.emissionOf(lamp_) * (lamp.area * ci * cj / (kPi * squared * squared));
   }
