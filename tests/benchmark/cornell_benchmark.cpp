@@ -1,14 +1,13 @@
 // The Cornell box, whole processes side by side: farol and a bare Embree particle loop, error of B against time. The
 // reference is a gathering path tracer on the same facets: no mesh error; it is kept beside the program.
-#include "base/machine.h"
 #include "base/sobol.h"
 #include "cornell_cells.h"
+#include "test_scene.h"
+#include "whole_process.h"
 
-#include <cstdlib>
 #include <fmt/format.h>
 #include <fmt/ostream.h>
 #include <fstream>
-#include <sstream>
 #include <tbb/parallel_for.h>
 
 using namespace farol;
@@ -127,11 +126,11 @@ Cells reference(const CornellBox& box, size_t samplesPerCell) {
   const double wallArea = (box.high.x - box.low.x) * (box.high.y - box.low.y);
   const auto points = wallPoints(box, static_cast<uint32_t>(static_cast<double>(samplesPerCell) * kCells * kCells / wallArea));
   const Gatherer gatherer(box);
-  constexpr size_t kParts = 64;
+  constexpr size_t kParts = 256;  // runs of Sobol's sequence, each spread over all cells
   std::vector<Cells> sums(kParts, Cells(kCellCount, Rgb(0)));
   std::vector<std::vector<size_t>> counts(kParts, std::vector<size_t>(kCellCount, 0));
   tbb::parallel_for(size_t{0}, kParts, [&](size_t part) {
-    for (size_t k = part; k < points.size(); k += kParts) {
+    for (size_t k = part * points.size() / kParts; k < (part + 1) * points.size() / kParts; ++k) {
       uint64_t random = mixBits(k) << 8;
       const auto x = sobolPoint(static_cast<uint32_t>(k));
       sums[part][points[k].cell] += gatherer.sample(points[k].facet, points[k].point, (x[2] + 0.5) * 0x1p-32,
@@ -163,34 +162,14 @@ Cells reference(const CornellBox& box, size_t samplesPerCell) {
   return b;
 }
 
-double medianSeconds(const std::string& command, int repeats) {
-  std::vector<double> seconds;
-  for (int k = 0; k < repeats; ++k) {
-    const Stopwatch watch;
-    if (std::system(command.c_str()) != 0) {
-      fmt::print(stderr, "failed: {}\n", command);
-      std::exit(1);
-    }
-    seconds.push_back(watch.seconds());
-  }
-  std::sort(seconds.begin(), seconds.end());
-  return seconds[seconds.size() / 2];
-}
-
 // Cell means of a --patches-csv file: B of the patches under the walls' points.
 Cells cellsOfCsv(const CornellBox& box, const PatchOptions& options, const std::vector<WallPoint>& points) {
   const PatchSet patches = buildPatches(box.scene, box.facets, options);
   const HitPatches hit(box.facets, patches);
   std::vector<Rgb> b;
-  std::ifstream file("cornell_patches.csv");
-  std::string line;
-  std::getline(file, line);
-  while (std::getline(file, line)) {
-    std::vector<std::string> fields;
-    std::istringstream stream(line);
-    for (std::string field; std::getline(stream, field, ',');) fields.push_back(field);
-    b.emplace_back(std::stod(fields[15]), std::stod(fields[16]), std::stod(fields[17]));
-  }
+  const auto lines = test::readCsv("cornell_patches.csv");
+  for (size_t k = 1; k < lines.size(); ++k)
+    b.emplace_back(std::stod(lines[k].at(15)), std::stod(lines[k].at(16)), std::stod(lines[k].at(17)));
   Cells sums(kCellCount, Rgb(0));
   std::vector<size_t> counts(kCellCount, 0);
   for (const WallPoint& p : points) {

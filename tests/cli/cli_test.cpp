@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <gmock/gmock.h>
-#include <sstream>
 
 namespace farol::test {
 namespace {
@@ -14,18 +13,6 @@ using ::testing::HasSubstr;
 
 const std::string kCornell = FAROL_SCENES "/cornell_box/cornell_box.gltf";
 const std::string kFurnace = FAROL_SCENES "/white_furnace/white_furnace.gltf";
-
-std::vector<std::vector<std::string>> readCsv(const std::string& path) {
-  std::vector<std::vector<std::string>> rows;
-  std::istringstream lines(readText(path));
-  for (std::string line; std::getline(lines, line);) {
-    if (!line.empty() && line.back() == '\r') line.pop_back();
-    rows.emplace_back();
-    std::istringstream fields(line);
-    for (std::string field; std::getline(fields, field, ',');) rows.back().push_back(field);
-  }
-  return rows;
-}
 
 TEST(Program, ShowsHelpAndVersion) {
   EXPECT_THAT(farol("--version").out, HasSubstr("farol "));

@@ -45,6 +45,7 @@ class TemporaryFolder {
 
 void writeText(const std::string& path, const std::string& text);
 std::string readText(const std::string& path);
+std::vector<std::vector<std::string>> readCsv(const std::string& path);  // [lines][fields]
 
 Scene loadSurfaces(const std::vector<TestSurface>& surfaces, const Placement& placement = {});
 
