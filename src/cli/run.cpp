@@ -308,11 +308,12 @@ class Run {
     reference.kind = MethodSpec::Kind::rays;
     reference.rays = spec.kind == MethodSpec::Kind::rays ? 16 * spec.rays
                      : count > kProbes || spec.resolution > 64 ? 65536 : 16384;
-    reference.rays = std::min(reference.rays, 1u << 20);
+    if (spec.kind == MethodSpec::Kind::rays) reference.rays = std::min(reference.rays, std::max(2 * spec.rays, 1u << 18));
     reference.seed = mixBits(spec.seed);
     make(reference, probes.reference);
     if (spec.kind == MethodSpec::Kind::rays && !probes.patches.empty()) {
-      for (size_t k = 1; k + 1 < 2 * count / probes.patches.size(); ++k) {
+      constexpr size_t kMostRays = size_t{1} << 22;
+      for (size_t k = 1; k + 1 < 2 * count / probes.patches.size() && k * spec.rays * probes.patches.size() < kMostRays; ++k) {
         MethodSpec again = spec;
         again.seed = mixBits(spec.seed + k);
         make(again, probes.again);

@@ -17,7 +17,7 @@ struct RowShares {
   double missed = 0;      // share that saw nothing: it leaves the scene
   double backs = 0;       // share that met black back sides
   double exposed = 1;     // share of the patch's area on which nothing stands; 0: the row is empty
-  double correction = 1;  // factor by which the near-field correction scaled the far entries
+  double correction = 1;  // factor by which the near-field correction scaled the far entries, or near ones (near_field.h)
 };
 
 // Receives finished rows, possibly from several threads, each row once, as `row` or as `hits`.

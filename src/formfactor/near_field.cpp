@@ -97,10 +97,10 @@ double NearField::visibleShare(std::span<const Position> from, uint32_t i, uint3
   return visible / all;
 }
 
-double NearField::correct(uint32_t patch, std::span<float> row) const {
+void NearField::correct(uint32_t patch, std::span<float> row, RowShares& shares) const {
   constexpr size_t kMost = 16;
   constexpr double kWorthIt = 1e-6;  // predicted error of an entry
-  constexpr float kSmallest = 1e-5f;
+  constexpr float kSmallest = 1e-5f, kLarge = 0.05f;  // entries; a row has few large ones, which need more points
   struct Near {
     double error;
     uint32_t patch;
@@ -109,11 +109,11 @@ double NearField::correct(uint32_t patch, std::span<float> row) const {
   static thread_local std::vector<Near> near;
   near.clear();
   const double h = factor_.size(patch);
-  double sum = 0;
+  double whole = shares.missed + shares.backs;
   for (uint32_t j = 0; j < row.size(); ++j) {
     if (row[j] <= 0) continue;
     const auto f = static_cast<double>(row[j]);
-    sum += f;
+    whole += f;
     if (row[j] < kSmallest) continue;
     const Vec3 d = factor_.centre(j) - factor_.centre(patch);
     // The error of the centre is largest at about half a size and falls towards contact (failure 1).
@@ -122,11 +122,11 @@ double NearField::correct(uint32_t patch, std::span<float> row) const {
   }
   const size_t count = std::min(kMost, near.size());
   std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(count), near.end());
-  if (count == 0) return 1;
+  if (count == 0) return;
   const bool partly = exposed_.share[patch] < 1;
   const std::vector<Position> points =
       partly ? exposedPoints(patch) : positionsOn(facets_, patches_, patch, kPacketSize, seed_ + patch);
-  if (points.empty()) return 1;
+  if (points.empty()) return;
   double sampled = 0, exact = 0;
   std::array<double, kMost> values{};
   for (size_t k = 0; k < count; ++k) {
@@ -134,16 +134,20 @@ double NearField::correct(uint32_t patch, std::span<float> row) const {
     sampled += static_cast<double>(row[j]);
     const double d = glm::distance(factor_.centre(j), factor_.centre(patch));
     const double unoccluded =
-        partly ? factor_.from(points, patch, j) : factor_(patch, j, d > 3 * h ? 2 : d > 1.5 * h ? 3 : 4);
+        partly ? factor_.from(points, patch, j)
+               : factor_(patch, j, row[j] > kLarge ? 8 : d > 3 * h ? 2 : d > 1.5 * h ? 3 : 4);
     values[k] = unoccluded * visibleShare(points, patch, j);
     exact += values[k];
   }
-  const double rest = sum - sampled;
-  if (rest <= 1e-6 || exact >= sum) return 1;
-  const double scale = (sum - exact) / rest;
-  for (float& f : row) f = static_cast<float>(static_cast<double>(f) * scale);
-  for (size_t k = 0; k < count; ++k) row[near[k].patch] = static_cast<float>(values[k]);
-  return scale;
+  if (exact <= 0) return;
+  const double rest = whole - sampled, scale = (whole - exact) / rest;
+  const bool enough = rest > 0 && scale > 0.5 && scale < 2;
+  const double far = enough ? scale : 1, close = enough ? 1 : sampled / exact;
+  for (float& f : row) f = static_cast<float>(static_cast<double>(f) * far);
+  for (size_t k = 0; k < count; ++k) row[near[k].patch] = static_cast<float>(values[k] * close);
+  shares.missed *= far;
+  shares.backs *= far;
+  shares.correction = enough ? far : close;
 }
 
 namespace {

@@ -30,17 +30,18 @@ class UnoccludedFactor {
 };
 
 // Corrects a row made from the patch's centre: the entries with the largest predicted errors F (h / d)^2 (at most 16)
-// become the closed form times the kernel-weighted visible share of 16 pairs of points (Embree), and the others are
-// scaled so that the sum of the row does not change.
+// become the closed form times the kernel-weighted visible share of 16 pairs of points (Embree), and the rest of the row,
+// what missed the scene or met backs included, is scaled so that the whole stays 1. Where the rest is too small to make
+// up for the change (a factor beyond 2 or below 1/2), it is kept, and the near entries divide their old sum as the closed
+// forms do.
 class NearField {
  public:
   // Of a partly covered patch only the exposed part counts.
   NearField(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, const ExposedArea& exposed,
             uint64_t seed);
 
-  // Returns the factor that scaled the far entries. A row that is left as it is, because nothing else could make up
-  // for the change, has the factor 1.
-  double correct(uint32_t patch, std::span<float> row) const;
+  // Also scales the shares, and sets their `correction`.
+  void correct(uint32_t patch, std::span<float> row, RowShares& shares) const;
 
  private:
   std::vector<Position> exposedPoints(uint32_t i) const;

@@ -261,9 +261,9 @@ struct RasterRowMaker::Impl {
     const double share = counts[bins - 1] == kAllBacks ? 0 : exposedShare(patch, 1);
     for (size_t j = 0; j < row.size(); ++j) row[j] = static_cast<float>(share > 0 ? counts[j] / kFullHemisphere : 0.0);
     if (share > 0) {
-      const double correction = options.nearField != nullptr ? options.nearField->correct(patch, row) : 1;
-      store.finish(patch,
-                   {counts[bins - 2] / kFullHemisphere, counts[bins - 1] / kFullHemisphere, share, correction});
+      RowShares shares{counts[bins - 2] / kFullHemisphere, counts[bins - 1] / kFullHemisphere, share};
+      if (options.nearField != nullptr) options.nearField->correct(patch, row, shares);
+      store.finish(patch, shares);
     } else {
       store.finish(patch, {0, 0, 0});
     }

@@ -49,6 +49,29 @@ TEST(NearField, NeverChangesARowSum) {
   EXPECT_GT(changed, with.patches.size() / 2);
 }
 
+// In the open what leaves the scene makes up for it; in a box of six patches nothing is far, and near entries divide
+// their sum as the closed forms do (truth A1a and A12b).
+TEST(NearField, HasSomethingToBalanceItInOpenScenesAndSmallOnes) {
+  const auto corrected = [](const std::vector<TestSurface>& surfaces) {
+    const Scene scene = loadSurfaces(surfaces);
+    RayRun rays(scene, {0, 100}, {});
+    const ExposedArea exposed = findExposedArea(rays.tracer, rays.facets, rays.patches, 64, 1);
+    const NearField nearField(rays.tracer, rays.facets, rays.patches, exposed, 1);
+    RasterRun run(scene, {0, 100}, {});
+    run.options.nearField = &nearField;
+    run.makeAll();
+    return run;
+  };
+  RasterRun plates = corrected({{"1", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}},
+                                {"2", {{{0, 0, 1}, {0, 1, 1}, {1, 1, 1}, {1, 0, 1}}}}});
+  EXPECT_NEAR(plates.factor("1", "2"), 0.1998248957, 1e-5);
+  EXPECT_NEAR(plates.f.rowSum(0) + plates.f.shares(0).missed, 1, 1e-6);
+  RasterRun box = corrected(closedBox({1, 2, 3}));
+  EXPECT_NEAR(box.f.rowSum(0), 1, 1e-6);
+  EXPECT_NEAR(box.factor("x0", "y0"), 0.1594983507, 5e-4);
+  EXPECT_NEAR(box.factor("x0", "x1"), 0.4755764365, 5e-4);
+}
+
 // What stands on a floor hides the area under it from both ways of seeing: rows of partly covered patches still sum to
 // one, and the exposed area is the floor's less the footprint.
 TEST(CoveredArea, NeitherGathersNorIsSeen) {
