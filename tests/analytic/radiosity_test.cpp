@@ -85,20 +85,11 @@ TEST(Cube, MatchesTheExactSixPatchSystem) {
   EXPECT_NEAR(b.at("z0").b, 0.1666832454340554, 0.001 * 0.1667);
 }
 
-std::vector<TestSurface> cornellStyleBox() {  // truth B4b
-  auto box = closedBox({1, 2, 3});
-  const Rgb rho[6] = {{0.7, 0.05, 0.05}, {0.1, 0.45, 0.1}, {0.75, 0.7, 0.65},
-                      {0.75, 0.72, 0.7}, {0.4, 0.4, 0.45}, {0.8, 0.8, 0.8}};
-  for (size_t i = 0; i < 6; ++i) box[i].reflectance = rho[i];
-  box[5].emission = Rgb(18, 12, 4);
-  return box;
-}
-
 TEST(Box, MatchesTheExactSixPatchSystem) {
   RasterOptions options;
   options.resolution = 128;
   options.positions = 144;
-  RasterRun run(loadSurfaces(cornellStyleBox()), {0, 100}, options);
+  RasterRun run(loadSurfaces(colouredBox()), {0, 100}, options);
   ASSERT_EQ(run.patches.size(), 6u);
   const auto b = means(run, solved(run));
   const std::map<std::string, Rgb> exact = {{"x0", {2.171163873184316, 0.1093678268880881, 0.02933129514035859}},
@@ -218,7 +209,7 @@ TEST(CornellStyleBox, KeepsItsEnergy) {
   RasterOptions options;
   options.positions = 9;
   options.resolution = 128;
-  RasterRun run(loadSurfaces(cornellStyleBox()), {400, 0}, options);
+  RasterRun run(loadSurfaces(colouredBox()), {400, 0}, options);
   const Solution s = solved(run);
   EXPECT_LT(energyBalance(run.f, run.patches, s, Rgb(0)).relativeError, 0.001);
 }

@@ -8,7 +8,6 @@
 #include <cmath>
 #include <gmock/gmock.h>
 #include <map>
-#include <sstream>
 
 namespace farol::test {
 namespace {
@@ -79,15 +78,10 @@ std::vector<Line> solve(const std::string& scene, const std::string& options, co
   const Outcome o = farol("solve " + scene + " " + options + " --residual 1e-6 --patches-csv " + folder.path("p.csv"));
   EXPECT_EQ(o.exitCode, 0) << o.err;
   std::vector<Line> lines;
-  std::istringstream file(readText(folder.path("p.csv")));
-  std::string line;
-  std::getline(file, line);
-  while (std::getline(file, line)) {
-    std::vector<double> fields;
-    std::istringstream stream(line);
-    for (std::string field; std::getline(stream, field, ',');)
-      fields.push_back(fields.size() == 1 ? 0 : std::stod(field));
-    lines.push_back({{fields[18], fields[19], fields[20]}, fields[22]});
+  const auto table = readCsv(folder.path("p.csv"));
+  for (size_t k = 1; k < table.size(); ++k) {
+    const auto number = [&](size_t column) { return std::stod(table[k].at(column)); };
+    lines.push_back({{number(18), number(19), number(20)}, number(22)});
   }
   return lines;
 }
@@ -104,12 +98,7 @@ std::vector<LitScene> litScenes() {
   auto cube = closedBox({1, 1, 1});
   cube[5].emission = Rgb(1);
   scenes.push_back({"cube", cube});
-  auto coloured = closedBox({1, 2, 3});
-  const Rgb rho[6] = {{0.7, 0.05, 0.05}, {0.1, 0.45, 0.1}, {0.75, 0.7, 0.65},
-                      {0.75, 0.72, 0.7}, {0.4, 0.4, 0.45}, {0.8, 0.8, 0.8}};
-  for (size_t i = 0; i < 6; ++i) coloured[i].reflectance = rho[i];
-  coloured[5].emission = Rgb(18, 12, 4);
-  scenes.push_back({"coloured box", coloured});
+  scenes.push_back({"coloured box", colouredBox()});
   for (const double r : {0.3, 0.95}) {
     auto room = closedBox({4, 4, 4}, Rgb(r));
     room[5].emission = Rgb(625);

@@ -143,6 +143,15 @@ std::vector<TestSurface> closedBox(const Vec3& s, const Rgb& reflectance, const 
           face("z1", {corner(0, 0, 1), corner(0, 1, 1), corner(1, 1, 1), corner(1, 0, 1)})};
 }
 
+std::vector<TestSurface> colouredBox() {
+  auto box = closedBox({1, 2, 3});
+  const Rgb rho[6] = {{0.7, 0.05, 0.05}, {0.1, 0.45, 0.1}, {0.75, 0.7, 0.65},
+                      {0.75, 0.72, 0.7}, {0.4, 0.4, 0.45}, {0.8, 0.8, 0.8}};
+  for (size_t i = 0; i < 6; ++i) box[i].reflectance = rho[i];
+  box[5].emission = Rgb(18, 12, 4);
+  return box;
+}
+
 std::vector<TestSurface> sphereZones(const std::string& name, double radius, bool inward,
                                      const std::vector<double>& zones, int segments, const Vec3& centre) {
   std::vector<TestSurface> result;
