@@ -353,7 +353,7 @@ class Run {
   void warnOfBrokenRules() {
     const FormFactorChecks& c = *report_.checks;
     if (c.correctionMin < 0.8 || c.correctionMax > 1.25) {
-      log_.warn(fmt::format("the near-field correction scaled far entries by {:.3f} to {:.3f}: outside 0.8 to 1.25 one "
+      log_.warn(fmt::format("the near-field correction scaled entries by {:.3f} to {:.3f}: outside 0.8 to 1.25 one "
                             "position does not do; use --positions or --method rays",
                             c.correctionMin, c.correctionMax));
     }

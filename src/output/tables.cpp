@@ -1,8 +1,10 @@
 #include "base/output_file.h"
 #include "output/output.h"
 
+#include <fmt/compile.h>
 #include <fmt/ostream.h>
 #include <map>
+#include <tbb/parallel_for.h>
 
 namespace farol {
 namespace {
@@ -17,7 +19,7 @@ std::string csvField(const std::string& text) {
 
 // A number after a comma.
 void append(std::string& line, double value) {
-  fmt::format_to(std::back_inserter(line), ",{}", value);
+  fmt::format_to(std::back_inserter(line), FMT_COMPILE(",{}"), value);
 }
 void append(std::string& line, const Vec3& v) {
   for (int c = 0; c < 3; ++c) append(line, v[c]);
@@ -30,19 +32,23 @@ void writePatchesCsv(const std::string& path, const Scene& scene, const PatchSet
   OutputFile file(path);
   file.stream() << "patch,surface,cx,cy,cz,nx,ny,nz,area,rho_r,rho_g,rho_b,E_r,E_g,E_b,B_r,B_g,B_b,H_r,H_g,H_b,exposed_"
                    "area,err\r\n";
-  std::string lines;
-  for (size_t i = 0; i < patches.size(); ++i) {
-    const Patch& p = patches.patches[i];
-    lines += fmt::format_int(i).c_str();
-    lines += ',' + csvField(surfaceNameOf(scene, p));
-    for (const Vec3& v : {p.centre, p.normal}) append(lines, v);
-    append(lines, p.area);
-    for (const Rgb& c : {p.reflectance, p.emission, solution.radiosity[i], solution.irradiance[i]}) append(lines, c);
-    append(lines, p.area * (f != nullptr ? f->shares(i).exposed : 1));
-    append(lines, error.empty() ? std::nan("") : error[i]);
-    lines += "\r\n";
-  }
-  file.stream() << lines;
+  constexpr size_t kLinesPerPart = 256;
+  std::vector<std::string> parts((patches.size() + kLinesPerPart - 1) / kLinesPerPart);
+  tbb::parallel_for(size_t{0}, parts.size(), [&](size_t part) {
+    std::string& lines = parts[part];
+    for (size_t i = part * kLinesPerPart; i < std::min(patches.size(), (part + 1) * kLinesPerPart); ++i) {
+      const Patch& p = patches.patches[i];
+      lines += fmt::format_int(i).c_str();
+      lines += ',' + csvField(surfaceNameOf(scene, p));
+      for (const Vec3& v : {p.centre, p.normal}) append(lines, v);
+      append(lines, p.area);
+      for (const Rgb& c : {p.reflectance, p.emission, solution.radiosity[i], solution.irradiance[i]}) append(lines, c);
+      append(lines, p.area * (f != nullptr ? f->shares(i).exposed : 1));
+      append(lines, error.empty() ? std::nan("") : error[i]);
+      lines += "\r\n";
+    }
+  });
+  for (const std::string& lines : parts) file.stream() << lines;
   file.commit();
 }
 

@@ -1,5 +1,6 @@
 // The Cornell box, whole processes side by side: farol and a bare Embree particle loop, error of B against time. The
 // reference is a gathering path tracer on the same facets: no mesh error; it is kept beside the program.
+// farol_cornell [paths per cell [patch size, options of farol solve]...]
 #include "base/sobol.h"
 #include "cornell_cells.h"
 #include "test_scene.h"
@@ -232,8 +233,10 @@ int main(int argc, char** argv) {
   std::vector<Setting> settings = {
       {555.0 / 16, "--method rays --rays 128 --shadow-rays 16 --residual 3e-4"},
       {555.0 / 24, "--method rays --rays 128 --shadow-rays 32 --residual 3e-4"},
+      {555.0 / 24, "--method rays --rays 192 --shadow-rays 32 --residual 3e-4"},
       {555.0 / 32, "--method rays --rays 256 --shadow-rays 32 --residual 3e-4"},
-      {555.0 / 32, "--method rays --rays 1024 --shadow-rays 256 --residual 3e-4"},
+      {555.0 / 40, "--method rays --rays 224 --shadow-rays 32 --residual 3e-4"},
+      {555.0 / 40, "--method rays --rays 256 --shadow-rays 48 --residual 3e-4"},
       {555.0 / 24, "--method rays --rays 128 --emitters matrix --residual 3e-4"},
       {555.0 / 24, "--method rays --rays 1024 --emitters matrix --residual 3e-4"},
       {555.0 / 24, "--method rays --rays 4096 --emitters matrix --residual 3e-4"},
@@ -243,6 +246,8 @@ int main(int argc, char** argv) {
       {555.0 / 24, "--method raster --resolution 64 --emitters matrix --residual 3e-4"},
       {555.0 / 24, "--method raster --resolution 256 --emitters matrix --residual 3e-4"},
   };
+  if (argc > 2) settings.clear();
+  for (int k = 2; k + 1 < argc; k += 2) settings.push_back({std::stod(argv[k]), argv[k + 1]});
   for (const Setting& s : settings) {
     const std::string command =
         fmt::format("{} solve {} --patch-size {} {} --threads 2 --patches-csv cornell_patches.csv --quiet 2> /dev/null",
