@@ -2,7 +2,8 @@
 
 farol_packages="build-essential ccache cmake glslang-tools libbenchmark-dev libcli11-dev libeigen3-dev libembree-dev
  libfmt-dev libglm-dev libgmock-dev libgtest-dev libopenexr-dev libstb-dev libtbb-dev libtinygltf-dev libvulkan-dev
- libvulkan-volk-dev mesa-vulkan-drivers ninja-build nlohmann-json3-dev pkg-config spirv-tools
+ libvulkan-volk-dev libzip-dev mesa-vulkan-drivers ninja-build nlohmann-json3-dev pkg-config python3-numpy
+ python3-scipy spirv-tools
  vulkan-validationlayers $farol_more_packages"
 
 farol_missing=""

@@ -262,15 +262,21 @@ Options parseOptions(int argc, char** argv, bool& handled) {
     addFormFactors(sub, o, raw);
     addMachine(sub, o);
   }
+  for (CLI::App* sub : {render, solve}) {
+    CLI::Option* kept = sub->add_option("--factors", o.factors, "F kept by `farol factors -o F.npz`, with its patches")
+                            ->group("Form factors");
+    for (const char* own : {"--method", "--resolution", "--projection", "--positions", "--near-field", "--rays"})
+      kept->excludes(sub->get_option(own));
+  }
   render->add_option("-o,--output", o.output, "Picture: .png (sRGB) or .exr (linear radiance)")
       ->required()
       ->group("Results");
   solve->add_option("-o,--output", o.output, "Lit scene: .glb")->group("Results");
-  factors->add_option("-o,--output", o.output, "Form factors: .csv, .npy or .mtx")->group("Results");
+  factors->add_option("-o,--output", o.output, "Form factors: .csv, .npz (can be solved again), .npy or .mtx")->group("Results");
   factors->add_option("--by", o.by, "surface or patch; default: surface for .csv, patch otherwise")
       ->check(CLI::IsMember({"surface", "patch"}))
       ->group("Results");
-  const char* methodHelp = "raster:R[@DEVICE][,tetrahedron][,positions=P][,near-field=off], rays:K, exact, or F.npy";
+  const char* methodHelp = "raster:R[@DEVICE][,tetrahedron][,positions=P][,near-field=off], rays:K, exact, or F.npz, F.npy";
   compare->add_option("A", o.methodA, methodHelp)->required();
   compare->add_option("B", o.methodB, methodHelp)->required();
   compare->add_option("-o,--output", o.output, "Picture of where they differ: .png")->group("Results");
@@ -302,7 +308,12 @@ Options parseOptions(int argc, char** argv, bool& handled) {
     handled = true;
     return o;
   }
-  o.command = commands.at(app.get_subcommands().front());
+  CLI::App* chosen = app.get_subcommands().front();
+  o.command = commands.at(chosen);
+  for (const char* name : {"--patches", "--patch-size"}) {
+    const CLI::Option* option = chosen->get_option_no_throw(name);
+    o.patchesAsked |= option != nullptr && option->count() > 0;
+  }
   o.projection = kProjections.at(raw.projection);
   o.solver = kSolvers.at(raw.solver);
   o.localIllumination = raw.illumination == "local";
@@ -318,11 +329,11 @@ Options parseOptions(int argc, char** argv, bool& handled) {
   if (o.command == Command::compare) checkEnding(o.output, {".png"});
   if (o.command == Command::solve) checkEnding(o.output, {".glb"});
   if (o.command == Command::factors) {
-    checkEnding(o.output, {".csv", ".npy", ".mtx"});
+    checkEnding(o.output, {".csv", ".npz", ".npy", ".mtx"});
     const bool table = o.output.empty() || endingOf(o.output) == ".csv";
     if (o.by.empty()) o.by = table ? "surface" : "patch";
     if ((o.by == "surface") != table)
-      throw UsageError("--by {} cannot be written to {}: .csv is by surface, .npy and .mtx are by patch", o.by,
+      throw UsageError("--by {} cannot be written to {}: .csv is by surface, .npz, .npy and .mtx are by patch", o.by,
                        o.output);
   }
   return o;
@@ -337,8 +348,11 @@ std::string explicitCommand(const Options& o, const MethodSpec& method) {
     add("--patch-size", o.patchSize);
   else
     add("--patches", o.patches);
-  if (o.command != Command::compare) add("--method", methodName(method.kind));
-  if (method.kind == MethodSpec::Kind::raster) {
+  if (!o.factors.empty()) add("--factors", o.factors);
+  else if (o.command != Command::compare) add("--method", methodName(method.kind));
+  if (!o.factors.empty()) {
+    // the file says how F was made
+  } else if (method.kind == MethodSpec::Kind::raster) {
     add("--resolution", method.resolution);
     add("--projection", projectionName(method.projection));
     add("--positions", method.positions);

@@ -31,6 +31,7 @@ struct Options {
   // patches
   size_t patches = 4000;
   double patchSize = 0;  // [scene units]; 0: from `patches`
+  bool patchesAsked = false;  // one of them was given
 
   // form factors
   std::string method = "auto";
@@ -40,6 +41,7 @@ struct Options {
   uint32_t rays = 0;  // 0: 256, or 4096 for factors, compare and with emitters in F
   bool nearField = true;
   uint64_t seed = 1;
+  std::string factors;  // F kept in a file, instead of making it
   std::string by;  // factors: "surface" or "patch"; empty: from the file's ending
 
   // compare

@@ -27,6 +27,7 @@ json optionsOf(const Options& o) {
           {"shadow_rays", o.shadowRays},
           {"sensors", o.sensors},
           {"seed", o.seed},
+          {"factors", o.factors},
           {"sky", channels(o.sky)},
           {"solver", solverName(o.solver)},
           {"residual", o.residual},

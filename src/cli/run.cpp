@@ -5,6 +5,7 @@
 #include "cli/methods.h"
 #include "cli/report.h"
 #include "formfactor/near_field.h"
+#include "output/factor_archive.h"
 #include "output/output.h"
 #include "output/sensor_files.h"
 #include "solve/irradiance_error.h"
@@ -35,6 +36,7 @@ class Run {
       if (!path.empty()) requireWritable(path);
     }
     if (!options_.sensors.empty()) sensors_ = loadSensors(options_.sensors);
+    if (!options_.factors.empty()) openKept();
     load();
     cut();
     switch (options_.command) {
@@ -53,9 +55,14 @@ class Run {
         break;
       default:
         if (needsFormFactors()) {
-          chooseMethod();
-          planLight();
-          makeF();
+          if (kept_) {
+            planLight();
+            loadF();
+          } else {
+            chooseMethod();
+            planLight();
+            makeF();
+          }
           makeDirect();
         }
         solve();
@@ -78,9 +85,25 @@ class Run {
     report_.clock.finish("load");
   }
 
+  // The file of factors also says which patches they are for.
+  void openKept() {
+    kept_.emplace(options_.factors);
+    const PatchOptions& p = kept_->about().patches;
+    if (options_.patchesAsked && (p.size != options_.patchSize || (p.size == 0 && p.count != options_.patches))) {
+      throw Error("{}: these factors are for {}; leave --patches and --patch-size out", options_.factors,
+                  p.size > 0 ? fmt::format("--patch-size {}", p.size) : fmt::format("--patches {}", p.count));
+    }
+    options_.patches = report_.options.patches = p.count;
+    options_.patchSize = report_.options.patchSize = p.size;
+    spec_ = parseMethod(kept_->about().method);
+    spec_->seed = kept_->about().seed;
+    report_.why = fmt::format("kept in {}", options_.factors);
+  }
+
   void cut() {
     facets_ = buildFacets(scene_, log_);
     patches_ = buildPatches(scene_, facets_, {options_.patches, options_.patchSize});
+    if (kept_) kept_->requireSame(fingerprintOf(facets_, patches_), options_.scene);
     report_.facets = facets_.facets.size();
     report_.degenerate = facets_.degenerate;
     report_.duplicate = facets_.duplicate;
@@ -268,7 +291,9 @@ class Run {
     }
     f_.emplace(patches_.size(), allowedBytes());
     const std::unique_ptr<RowMaker> maker = methods_.maker(*spec_);
-    const std::vector<uint32_t> kept = makeFormFactors(*maker, patches_, maxChannel(options_.sky) > 0, log_, *f_);
+    // A kept F may be lit from anywhere: it has a row for every patch.
+    const bool all = maxChannel(options_.sky) > 0 || options_.output.ends_with(".npz");
+    const std::vector<uint32_t> kept = makeFormFactors(*maker, patches_, all, log_, *f_);
     if (!kept.empty() && !plan_.apart.empty()) plan_.keep(kept);
     countPatches();
     report_.matrixBytes = f_->bytes();
@@ -293,6 +318,18 @@ class Run {
         methodText(*spec_), patches_.size(), seconds, static_cast<double>(patches_.size()) / seconds,
         report_.checks->rowSumMin, report_.checks->rowSumMax, 100 * report_.checks->missed,
         100 * report_.checks->backs, report_.rowErrorMean);
+  }
+
+  // F as it was kept. How good its rows are was told when they were made.
+  void loadF() {
+    f_.emplace(kept_->load(patches_.size(), allowedBytes()));
+    report_.matrixBytes = f_->bytes();
+    report_.clock.finish("form factors");
+    replicateRows();
+    report_.checks = checkFormFactors(*f_, patches_);
+    report_.clock.finish("checks");
+    say("form factors: {} rows of {} in {:.2f} s from {}", f_->size(), kept_->about().method,
+        report_.clock.secondsOf("form factors"), options_.factors);
   }
 
   // Rows of a few patches by many rays, as a reference; in scenes of few patches also rows like F's with other seeds.
@@ -474,11 +511,18 @@ class Run {
     double seconds = 0;
   };
 
-  static bool isFile(const std::string& text) { return text.ends_with(".npy"); }
+  static bool isFile(const std::string& text) { return text.ends_with(".npy") || text.ends_with(".npz"); }
+
+  FormFactorMatrix loadFile(const std::string& path) const {
+    if (path.ends_with(".npy")) return loadFactorsNpy(path, patches_.size());
+    const FactorArchive archive(path);
+    archive.requireSame(fingerprintOf(facets_, patches_), options_.scene);
+    return archive.load(patches_.size(), allowedBytes() / 2);
+  }
 
   Side makeSide(const std::string& text, std::optional<MethodSpec> spec) {
     const Stopwatch watch;
-    if (!spec) return {text, loadFactorsNpy(text, patches_.size()), {}, watch.seconds()};
+    if (!spec) return {text, loadFile(text), {}, watch.seconds()};
     requireMemory(*spec);
     Side side{methodText(*spec), FormFactorMatrix(patches_.size(), allowedBytes() / 2), {}, 0};
     const std::unique_ptr<RowMaker> maker = methods_.maker(*spec);
@@ -637,6 +681,10 @@ class Run {
     if (!options_.output.empty()) {
       if (options_.by == "surface")
         writeFactorsBySurface(options_.output, scene_, patches_, *f_);
+      else if (options_.output.ends_with(".npz"))
+        writeFactorsNpz(options_.output, *f_, patches_,
+                        {methodText(*spec_), spec_->seed, {options_.patches, options_.patchSize},
+                         fingerprintOf(facets_, patches_)});
       else if (options_.output.ends_with(".npy"))
         writeFactorsNpy(options_.output, *f_);
       else
@@ -693,6 +741,7 @@ class Run {
   FacetSet facets_;
   PatchSet patches_;
   Methods methods_;
+  std::optional<FactorArchive> kept_;
   std::optional<MethodSpec> spec_;  // the method chosen
   LampPlan plan_;
   std::optional<FormFactorMatrix> f_;

@@ -11,6 +11,10 @@ namespace farol {
 
 double FormFactorRow::at(size_t j) const {
   if (!dense.empty()) return static_cast<double>(dense[j]);
+  if (!values.empty()) {
+    const auto place = std::lower_bound(ids.begin(), ids.end(), j);
+    return place != ids.end() && *place == j ? static_cast<double>(values[static_cast<size_t>(place - ids.begin())]) : 0;
+  }
   return static_cast<double>(weight) * static_cast<double>(std::count(ids.begin(), ids.end(), j));
 }
 
@@ -18,6 +22,8 @@ std::vector<float> FormFactorRow::expanded() const {
   std::vector<float> row(dense.begin(), dense.end());
   if (row.empty()) {
     row.resize(patches);
+    for (size_t k = 0; k < values.size(); ++k) row[ids[k]] = values[k];
+    if (!values.empty()) return row;
     std::vector<uint32_t> counts(patches + 1, 0);
     for (const uint32_t j : ids) ++counts[j];
     for (size_t j = 0; j < patches; ++j) row[j] = static_cast<float>(counts[j]) * weight;
@@ -46,7 +52,7 @@ void FormFactorMatrix::hits(uint32_t patch, std::span<const uint32_t> ids, float
   // A list costs a random access per hit where a dense row is read straight through: it must be much shorter.
   constexpr size_t kWorthAList = 4;
   if (kWorthAList * ids.size() > rows_.size()) {
-    const std::vector<float> dense = FormFactorRow{{}, ids, weight, rows_.size()}.expanded();
+    const std::vector<float> dense = FormFactorRow{{}, ids, {}, weight, rows_.size()}.expanded();
     const std::span<float> to = this->row(patch);
     std::copy(dense.begin(), dense.end(), to.begin());
     return;
@@ -56,8 +62,23 @@ void FormFactorMatrix::hits(uint32_t patch, std::span<const uint32_t> ids, float
   row.weight = weight;
 }
 
+void FormFactorMatrix::entries(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values) {
+  // An entry of a list takes twice the bytes of a dense one and a random access.
+  constexpr size_t kWorthAList = 3;
+  if (kWorthAList * ids.size() > rows_.size()) {
+    const std::span<float> to = this->row(patch);
+    for (size_t k = 0; k < ids.size(); ++k) to[ids[k]] = values[k];
+    return;
+  }
+  Row& row = rows_[patch];
+  book(ids.size_bytes() + values.size_bytes());
+  row.ids.assign(ids.begin(), ids.end());
+  row.values.assign(values.begin(), values.end());
+}
+
 double FormFactorMatrix::rowSum(size_t patch) const {
   const Row& r = rows_[patch];
+  if (!r.values.empty()) return std::accumulate(r.values.begin(), r.values.end(), 0.0);
   if (!r.dense.empty()) return std::accumulate(r.dense.begin(), r.dense.end(), 0.0);
   const auto nothing = static_cast<uint32_t>(rows_.size());
   return static_cast<double>(r.weight) * static_cast<double>(std::count_if(
@@ -77,8 +98,15 @@ void FormFactorMatrix::keep(const std::vector<uint32_t>& patches) {
       row.dense.reserve(patches.size());
       for (const uint32_t q : patches) row.dense.push_back(rows_[p].dense[q]);
     }
-    row.ids = std::move(rows_[p].ids);
-    for (uint32_t& j : row.ids) j = renumbered[j];
+    for (size_t k = 0; k < rows_[p].values.size(); ++k) {
+      if (renumbered[rows_[p].ids[k]] == nothing) continue;
+      row.ids.push_back(renumbered[rows_[p].ids[k]]);
+      row.values.push_back(rows_[p].values[k]);
+    }
+    if (rows_[p].values.empty()) {
+      row.ids = std::move(rows_[p].ids);
+      for (uint32_t& j : row.ids) j = renumbered[j];
+    }
     row.weight = rows_[p].weight;
     rows_[p] = {};
     rows.push_back(std::move(row));

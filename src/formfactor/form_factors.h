@@ -30,10 +30,12 @@ class RowStore {
   virtual void finish(uint32_t patch, const RowShares& shares) = 0;
 };
 
-// One row as it is kept: dense, or a list of ids that each add `weight` to their entry.
+// One row as it is kept: dense; a list of ids that each add `weight` to their entry; or a list of ids, ascending, with
+// their entries.
 struct FormFactorRow {
   std::span<const float> dense;  // [patches]
   std::span<const uint32_t> ids;
+  std::span<const float> values;  // [ids], or empty: `weight` each
   float weight = 0;
   size_t patches = 0;
 
@@ -45,8 +47,8 @@ struct FormFactorRow {
     for (size_t j = 0; j < dense.size(); ++j) {
       if (dense[j] != 0) use(j, static_cast<double>(dense[j]));
     }
-    for (const uint32_t j : ids) {
-      if (j < patches) use(size_t{j}, static_cast<double>(weight));
+    for (size_t k = 0; k < ids.size(); ++k) {
+      if (ids[k] < patches) use(size_t{ids[k]}, static_cast<double>(values.empty() ? weight : values[k]));
     }
   }
 
@@ -54,8 +56,8 @@ struct FormFactorRow {
   std::vector<float> expanded() const;  // [patches]; zeros for a row that was not made
 };
 
-// F in float32 [rows x columns], a row dense or, where that is smaller, as its list of hits; rows are allocated when
-// first asked for. Throws Error when they would need more than `maxBytes`.
+// F in float32 [rows x columns], a row dense or, where that is smaller, as a list; rows are allocated when first asked
+// for. Throws Error when they would need more than `maxBytes`.
 class FormFactorMatrix : public RowStore {
  public:
   explicit FormFactorMatrix(size_t patches, uint64_t maxBytes = UINT64_MAX)
@@ -65,10 +67,13 @@ class FormFactorMatrix : public RowStore {
   void hits(uint32_t patch, std::span<const uint32_t> ids, float weight) override;
   void finish(uint32_t patch, const RowShares& shares) override { shares_[patch] = shares; }
 
+  // A row from its entries, ids ascending.
+  void entries(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values);
+
   size_t size() const { return rows_.size(); }
   FormFactorRow operator[](size_t patch) const {
     const Row& r = rows_[patch];
-    return {r.dense, r.ids, r.weight, rows_.size()};
+    return {r.dense, r.ids, r.values, r.weight, rows_.size()};
   }
   const RowShares& shares(size_t patch) const { return shares_[patch]; }
   double rowSum(size_t patch) const;  // in double; 0 for a row that was not made
@@ -81,6 +86,7 @@ class FormFactorMatrix : public RowStore {
   struct Row {
     std::vector<float> dense;
     std::vector<uint32_t> ids;
+    std::vector<float> values;
     float weight = 0;
   };
   void book(uint64_t bytes);

@@ -1,8 +1,8 @@
 #include "base/error.h"
 #include "base/output_file.h"
+#include "output/npy.h"
 #include "output/output.h"
 
-#include <cstdio>
 #include <fmt/ostream.h>
 #include <fstream>
 #include <numeric>
@@ -11,13 +11,7 @@ namespace farol {
 
 void writeFactorsNpy(const std::string& path, const FormFactorMatrix& f) {
   OutputFile file(path);
-  // NumPy format 1.0: magic, version, header length, a Python dictionary padded to a multiple of 64 bytes.
-  std::string header =
-      fmt::format("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}, {}), }}", f.size(), f.size());
-  header.append((64 - (10 + header.size() + 1) % 64) % 64, ' ');
-  header += '\n';
-  file.stream() << "\x93NUMPY" << '\x01' << '\0' << static_cast<char>(header.size() % 256)
-                << static_cast<char>(header.size() / 256) << header;
+  file.stream() << npyHeader({"<f4", {f.size(), f.size()}});
   for (size_t i = 0; i < f.size(); ++i) {
     const std::vector<float> row = f[i].expanded();
     file.stream().write(reinterpret_cast<const char*>(row.data()),
@@ -50,18 +44,16 @@ FormFactorMatrix loadFactorsNpy(const std::string& path, size_t patches) {
   if (!file) throw Error("{}: the file of factors cannot be read", path);
   char start[10] = {};
   file.read(start, sizeof start);
-  if (!file || std::string(start, 6) != "\x93NUMPY" || start[6] != 1)
-    throw Error("{}: not a NumPy file of version 1", path);
-  std::string header(static_cast<unsigned char>(start[8]) + 256u * static_cast<unsigned char>(start[9]), ' ');
-  file.read(header.data(), static_cast<std::streamsize>(header.size()));
-  unsigned long rows = 0, columns = 0;
-  const size_t shape = header.find("'shape': (");
-  const bool known = header.find("'<f4'") != std::string::npos && header.find("'fortran_order': False") != std::string::npos;
-  if (!file || !known || shape == std::string::npos ||
-      std::sscanf(header.c_str() + shape, "'shape': (%lu, %lu)", &rows, &columns) != 2)
+  const int length = file ? npyDictionaryLength(start) : -1;
+  if (length < 0) throw Error("{}: not a NumPy file of version 1", path);
+  std::string dictionary(static_cast<size_t>(length), ' ');
+  file.read(dictionary.data(), length);
+  NpyHeader header;
+  if (!file || !parseNpyDictionary(dictionary, header) || header.descr != "<f4" || header.shape.size() != 2)
     throw Error("{}: not a matrix of little-endian float32 in rows", path);
-  if (rows != patches || columns != patches) {
-    throw Error("{}: holds {} x {} factors, the scene has {} patches with these options", path, rows, columns, patches);
+  if (header.shape[0] != patches || header.shape[1] != patches) {
+    throw Error("{}: holds {} x {} factors, the scene has {} patches with these options", path, header.shape[0],
+                header.shape[1], patches);
   }
   FormFactorMatrix f(patches);
   for (uint32_t i = 0; i < patches; ++i) {

@@ -56,6 +56,23 @@ void gatherHits(const uint32_t* ids, size_t count, double weight, const double* 
     sums[c] = weight * ((partial[0][c] + partial[1][c]) + (partial[2][c] + partial[3][c]));
 }
 
+// The same for a list of entries.
+void gatherEntries(const uint32_t* ids, const float* values, size_t count, const double* b, double* sums) {
+  constexpr size_t kLanes = 2;
+  double partial[kLanes][4] = {};
+  size_t k = 0;
+  for (; k + kLanes <= count; k += kLanes) {
+    for (size_t l = 0; l < kLanes; ++l) {
+      const double* from = b + size_t{4} * ids[k + l];
+      for (size_t c = 0; c < 4; ++c) partial[l][c] += static_cast<double>(values[k + l]) * from[c];
+    }
+  }
+  for (; k < count; ++k) {
+    for (size_t c = 0; c < 4; ++c) partial[0][c] += static_cast<double>(values[k]) * b[size_t{4} * ids[k] + c];
+  }
+  for (size_t c = 0; c < 3; ++c) sums[c] = partial[0][c] + partial[1][c];
+}
+
 // A value per patch and channel, kept in the two orders that dense rows and lists of hits read fastest.
 class Field {
  public:
@@ -105,6 +122,8 @@ class System {
     Eigen::RowVector3d sums = Eigen::RowVector3d::Zero();
     if (!row.dense.empty())
       gatherRow(row.dense.data(), b.columns().data(), row.dense.size(), sums.data());
+    else if (!row.values.empty())
+      gatherEntries(row.ids.data(), row.values.data(), row.ids.size(), b.packed(), sums.data());
     else if (!row.ids.empty())
       gatherHits(row.ids.data(), row.ids.size(), static_cast<double>(row.weight), b.packed(), sums.data());
     return sums;

@@ -1,0 +1,335 @@
+#include "output/factor_archive.h"
+
+#include "base/error.h"
+#include "base/output_file.h"
+#include "output/npy.h"
+
+#include <algorithm>
+#include <cstring>
+#include <functional>
+#include <numeric>
+#include <zip.h>
+
+namespace farol {
+namespace {
+
+// A member under way: its header, then what `more` appends, part after part, until it appends nothing.
+struct Member {
+  std::string name, pending;
+  std::function<void(std::string&)> more;
+  size_t taken = 0;
+  zip_error_t error{};
+};
+
+template <typename T>
+void append(std::string& bytes, const T& value) {
+  bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
+}
+
+template <typename T>
+std::string bytesOf(const std::vector<T>& values) {
+  return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)};
+}
+
+zip_int64_t readMember(void* state, void* data, zip_uint64_t length, zip_source_cmd_t command) {
+  auto& m = *static_cast<Member*>(state);
+  switch (command) {
+    case ZIP_SOURCE_SUPPORTS:
+      return zip_source_make_command_bitmap(ZIP_SOURCE_OPEN, ZIP_SOURCE_READ, ZIP_SOURCE_CLOSE, ZIP_SOURCE_STAT,
+                                            ZIP_SOURCE_ERROR, ZIP_SOURCE_FREE, -1);
+    case ZIP_SOURCE_READ: {
+      zip_uint64_t given = 0;
+      while (given < length) {
+        if (m.taken == m.pending.size()) {
+          m.pending.clear();
+          m.taken = 0;
+          if (m.more) m.more(m.pending);
+          if (m.pending.empty()) break;
+        }
+        const size_t count = std::min<size_t>(length - given, m.pending.size() - m.taken);
+        std::memcpy(static_cast<char*>(data) + given, m.pending.data() + m.taken, count);
+        m.taken += count;
+        given += count;
+      }
+      return static_cast<zip_int64_t>(given);
+    }
+    case ZIP_SOURCE_STAT: {
+      auto* stat = static_cast<zip_stat_t*>(data);
+      zip_stat_init(stat);
+      stat->mtime = 315532800;  // 1980: the same input gives the same bytes
+      stat->valid |= ZIP_STAT_MTIME;
+      return sizeof(zip_stat_t);
+    }
+    case ZIP_SOURCE_ERROR:
+      return zip_error_to_data(&m.error, data, length);
+    default:
+      return 0;
+  }
+}
+
+// Ascending ids of a row with their values.
+void compressed(const FormFactorRow& row, std::vector<int32_t>& ids, std::vector<float>& values) {
+  ids.clear();
+  values.clear();
+  const std::vector<float> all = row.expanded();
+  for (size_t j = 0; j < all.size(); ++j) {
+    if (all[j] == 0) continue;
+    ids.push_back(static_cast<int32_t>(j));
+    values.push_back(all[j]);
+  }
+}
+
+}  // namespace
+
+void writeFactorsNpz(const std::string& path, const FormFactorMatrix& f, const PatchSet& patches,
+                     const KeptFactors& about) {
+  const size_t n = f.size();
+  std::vector<int64_t> starts{0};
+  std::vector<double> area, missed, backs, exposed, correction;
+  std::vector<int32_t> ids;
+  std::vector<float> values;
+  for (size_t i = 0; i < n; ++i) {
+    compressed(f[i], ids, values);
+    starts.push_back(starts.back() + static_cast<int64_t>(ids.size()));
+    const RowShares& s = f.shares(i);
+    area.push_back(patches.patches[i].area);
+    missed.push_back(s.missed);
+    backs.push_back(s.backs);
+    exposed.push_back(s.exposed);
+    correction.push_back(s.correction);
+  }
+  const auto entries = static_cast<uint64_t>(starts.back());
+  std::vector<std::unique_ptr<Member>> members;
+  const auto add = [&](const char* name, const NpyHeader& header, std::string data) {
+    members.push_back(std::make_unique<Member>());
+    members.back()->name = std::string(name) + ".npy";
+    members.back()->pending = npyHeader(header) + std::move(data);
+  };
+  const auto numbers = [&](const char* name, const std::vector<double>& v) { add(name, {"<f8", {v.size()}}, bytesOf(v)); };
+  const auto text = [&](const char* name, const std::string& t) { add(name, {fmt::format("|S{}", t.size()), {}}, t); };
+  // scipy.sparse.load_npz wants one type for both index members.
+  const bool wide = entries > INT32_MAX;
+  const char* index = wide ? "<i8" : "<i4";
+  std::string startBytes;
+  for (const int64_t s : starts) wide ? append(startBytes, s) : append(startBytes, static_cast<int32_t>(s));
+  text("farol_method", about.method);
+  add("farol_seed", {"<u8", {}}, bytesOf(std::vector<uint64_t>{about.seed}));
+  numbers("farol_patch_options", {static_cast<double>(about.patches.count), about.patches.size});
+  const Fingerprint& print = about.fingerprint;
+  add("farol_hash", {"<u8", {3}}, bytesOf(std::vector<uint64_t>{print.geometry, print.patches, print.specular}));
+  numbers("farol_area", area);
+  numbers("farol_missed", missed);
+  numbers("farol_backs", backs);
+  numbers("farol_cut", std::vector<double>(n, 0.0));  // nothing is cut while no mirrors are traced
+  numbers("farol_exposed", exposed);
+  numbers("farol_correction", correction);
+  text("format", "csr");
+  add("shape", {"<i8", {2}}, bytesOf(std::vector<uint64_t>{n, n}));
+  add("indptr", {index, {n + 1}}, std::move(startBytes));
+  for (const bool isIndex : {true, false}) {
+    add(isIndex ? "indices" : "data", {isIndex ? index : "<f4", {entries}}, "");
+    members.back()->more = [&, isIndex, row = size_t{0}](std::string& bytes) mutable {
+      for (; row < n && bytes.empty(); ++row) {
+        compressed(f[row], ids, values);
+        if (!isIndex)
+          bytes = bytesOf(values);
+        else if (!wide)
+          bytes = bytesOf(ids);
+        else
+          for (const int32_t id : ids) append(bytes, int64_t{id});
+      }
+    };
+  }
+
+  OutputFile file(path);
+  file.closeStream();
+  int code = 0;
+  zip_t* archive = zip_open(file.temporaryPath().c_str(), ZIP_CREATE | ZIP_TRUNCATE, &code);
+  const auto fail = [&](const char* what) {
+    const std::string reason = archive != nullptr ? zip_strerror(archive) : fmt::format("error {}", code);
+    if (archive != nullptr) zip_discard(archive);
+    throw Error("cannot write {}: {} ({})", path, reason, what);
+  };
+  if (archive == nullptr) fail("opening");
+  for (const auto& m : members) {
+    zip_source_t* source = zip_source_function(archive, readMember, m.get());
+    const zip_int64_t at = source != nullptr ? zip_file_add(archive, m->name.c_str(), source, 0) : -1;
+    if (at < 0 || zip_set_file_compression(archive, static_cast<zip_uint64_t>(at), ZIP_CM_STORE, 0) != 0)
+      fail(m->name.c_str());
+  }
+  if (zip_close(archive) != 0) fail("writing");
+  file.commit();
+}
+
+// The archive and its members.
+struct FactorArchive::Impl {
+  explicit Impl(const std::string& p) : path(p) {
+    int code = 0;
+    archive = zip_open(path.c_str(), ZIP_RDONLY | ZIP_CHECKCONS, &code);
+    if (archive == nullptr) {
+      zip_error_t error;
+      zip_error_init_with_code(&error, code);
+      const std::string reason = zip_error_strerror(&error);
+      zip_error_fini(&error);
+      throw Error("{}: the file of factors cannot be read: {}", path, reason);
+    }
+  }
+  ~Impl() { zip_discard(archive); }
+
+  // One member while it is read.
+  class Reader {
+   public:
+    Reader(const Impl& archive, const std::string& name) : path_(archive.path), name_(name) {
+      file_ = zip_fopen(archive.archive, (name + ".npy").c_str(), 0);
+      if (file_ == nullptr) throw Error("{}: not a file of factors: it has no member {}.npy", path_, name);
+      char leading[10];
+      read(leading, sizeof leading);
+      const int length = npyDictionaryLength(leading);
+      std::string dictionary(static_cast<size_t>(std::max(0, length)), ' ');
+      if (length >= 0) read(dictionary.data(), dictionary.size());
+      if (length < 0 || !parseNpyDictionary(dictionary, header))
+        throw Error("{}: member {}.npy is not a NumPy array in C order", path_, name);
+    }
+    ~Reader() { zip_fclose(file_); }
+    Reader(const Reader&) = delete;
+    Reader& operator=(const Reader&) = delete;
+
+    void read(void* to, uint64_t bytes) {
+      for (uint64_t done = 0; done < bytes;) {
+        const zip_int64_t count = zip_fread(file_, static_cast<char*>(to) + done, bytes - done);
+        if (count <= 0) throw Error("{}: member {}.npy is damaged or ends too soon", path_, name_);
+        done += static_cast<uint64_t>(count);
+      }
+    }
+    // Reading past the end compares the checksum.
+    void finish() {
+      char byte = 0;
+      if (zip_fread(file_, &byte, 1) != 0) throw Error("{}: member {}.npy is damaged", path_, name_);
+    }
+    template <typename T>
+    std::vector<T> all(const char* descr, uint64_t count) {
+      const uint64_t found =
+          std::accumulate(header.shape.begin(), header.shape.end(), uint64_t{1}, [](uint64_t a, uint64_t b) { return a * b; });
+      if (header.descr != descr || found != count) {
+        throw Error("{}: member {}.npy holds {} values of type {}, {} of type {} are wanted", path_, name_, found,
+                    header.descr, count, descr);
+      }
+      std::vector<T> values(count);
+      read(values.data(), count * sizeof(T));
+      finish();
+      return values;
+    }
+
+    NpyHeader header;
+
+   private:
+    const std::string& path_;
+    std::string name_;
+    zip_file_t* file_;
+  };
+
+  template <typename T>
+  std::vector<T> array(const std::string& name, const char* descr, uint64_t count) const {
+    return Reader(*this, name).template all<T>(descr, count);
+  }
+  std::string text(const std::string& name) const {
+    Reader reader(*this, name);
+    constexpr int kLongest = 1000;
+    const int length = reader.header.descr.starts_with("|S") ? std::atoi(reader.header.descr.c_str() + 2) : 0;
+    if (length < 1 || length > kLongest || !reader.header.shape.empty())
+      throw Error("{}: member {}.npy is not a text", path, name);
+    const std::vector<char> letters = [&] {
+      std::vector<char> t(static_cast<size_t>(length));
+      reader.read(t.data(), t.size());
+      reader.finish();
+      return t;
+    }();
+    return {letters.begin(), letters.end()};
+  }
+
+  std::string path;
+  zip_t* archive = nullptr;
+  KeptFactors about;
+};
+
+FactorArchive::FactorArchive(const std::string& path) : impl_(std::make_unique<Impl>(path)) {
+  KeptFactors& about = impl_->about;
+  about.method = impl_->text("farol_method");
+  about.seed = impl_->array<uint64_t>("farol_seed", "<u8", 1)[0];
+  const auto options = impl_->array<double>("farol_patch_options", "<f8", 2);
+  const bool sensible = options[0] >= 1 && options[0] <= 1e10 && options[1] >= 0 && options[1] < 1e300;
+  if (!sensible) throw Error("{}: patch options {} and {} are not possible", path, options[0], options[1]);
+  about.patches = {static_cast<size_t>(options[0]), options[1]};
+  const auto hash = impl_->array<uint64_t>("farol_hash", "<u8", 3);
+  about.fingerprint = {hash[0], hash[1], hash[2]};
+  if (impl_->text("format") != "csr") throw Error("{}: the matrix is not in CSR form", path);
+}
+FactorArchive::~FactorArchive() = default;
+
+const KeptFactors& FactorArchive::about() const {
+  return impl_->about;
+}
+
+void FactorArchive::requireSame(const Fingerprint& scene, const std::string& scenePath) const {
+  const Fingerprint& kept = impl_->about.fingerprint;
+  const char* what = kept.geometry != scene.geometry   ? "the geometry differs"
+                     : kept.patches != scene.patches   ? "the patches differ"
+                     : kept.specular != scene.specular ? "mirrors or clear glass differ"
+                                                       : nullptr;
+  if (what != nullptr)
+    throw Error("{}: these factors were not made for {}: {}; make them again with farol factors", impl_->path, scenePath, what);
+}
+
+FormFactorMatrix FactorArchive::load(size_t patches, uint64_t maxBytes) const {
+  const Impl& a = *impl_;
+  const auto shape = a.array<int64_t>("shape", "<i8", 2);
+  if (shape[0] != static_cast<int64_t>(patches) || shape[1] != shape[0])
+    throw Error("{}: holds {} x {} factors, the scene has {} patches", a.path, shape[0], shape[1], patches);
+  const auto missed = a.array<double>("farol_missed", "<f8", patches), backs = a.array<double>("farol_backs", "<f8", patches),
+             exposed = a.array<double>("farol_exposed", "<f8", patches),
+             correction = a.array<double>("farol_correction", "<f8", patches);
+  for (const char* other : {"farol_area", "farol_cut"}) a.array<double>(other, "<f8", patches);  // for others; whole?
+  Impl::Reader indices(a, "indices"), data(a, "data");
+  const bool wide = indices.header.descr == "<i8";
+  std::vector<int64_t> starts;
+  if (wide) {
+    starts = a.array<int64_t>("indptr", "<i8", patches + 1);
+  } else {
+    const auto narrow = a.array<int32_t>("indptr", "<i4", patches + 1);
+    starts.assign(narrow.begin(), narrow.end());
+  }
+  const auto entries = static_cast<uint64_t>(starts.back());
+  const bool fits = starts[0] == 0 && std::is_sorted(starts.begin(), starts.end()) &&
+                    indices.header.shape == std::vector<uint64_t>{entries} && data.header.shape == indices.header.shape &&
+                    data.header.descr == "<f4" && (wide || indices.header.descr == "<i4");
+  if (!fits) throw Error("{}: indptr, indices and data do not make a CSR matrix of float32", a.path);
+
+  FormFactorMatrix f(patches, maxBytes);
+  std::vector<int64_t> wideIds;
+  std::vector<uint32_t> ids;
+  std::vector<float> values;
+  for (uint32_t i = 0; i < patches; ++i) {
+    const auto count = static_cast<size_t>(starts[i + 1] - starts[i]);
+    if (count > patches) throw Error("{}: row {} has {} entries of at most {}", a.path, i, count, patches);
+    ids.resize(count);
+    values.resize(count);
+    if (wide) {
+      wideIds.resize(count);
+      indices.read(wideIds.data(), count * sizeof(int64_t));
+      for (size_t k = 0; k < count; ++k) ids[k] = static_cast<uint32_t>(std::clamp<int64_t>(wideIds[k], 0, INT32_MAX));
+    } else {
+      indices.read(ids.data(), count * sizeof(uint32_t));
+    }
+    data.read(values.data(), count * sizeof(float));
+    bool good = true;
+    for (size_t k = 0; k < count; ++k) good &= ids[k] < patches && (k == 0 || ids[k] > ids[k - 1]) && values[k] >= 0 && values[k] <= 1;
+    if (!good) throw Error("{}: row {} has an entry outside the matrix or outside [0, 1]", a.path, i);
+    f.entries(i, ids, values);
+    f.finish(i, {missed[i], backs[i], exposed[i], correction[i]});
+  }
+  indices.finish();
+  data.finish();
+  return f;
+}
+
+}  // namespace farol
