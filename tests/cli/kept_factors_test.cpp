@@ -115,14 +115,17 @@ TEST_F(KeptFactors, AreDetectedWhenDamaged) {
       detected += o.exitCode == 1 && o.err.find("D.npz") != std::string::npos ? 1 : 0;
     }
   }
-  for (size_t at = 70; at < 6000; at += 601) {  // small members come first
+  EXPECT_EQ(detected, all);
+  // Small members come first, among what the archive itself does not check, such as times: refused, or no harm.
+  const auto right = solved("room.gltf", "--factors " + path("F.npz"));
+  for (size_t at = 70; at < 6000; at += 601) {
     std::string damaged = whole;
     damaged[at] = static_cast<char>(damaged[at] ^ 0x10);
     writeText(path("D.npz"), damaged);
-    ++all;
-    detected += farol("solve " + path("room.gltf") + " --factors " + path("D.npz")).exitCode == 1 ? 1 : 0;
+    if (farol("solve " + path("room.gltf") + " --factors " + path("D.npz")).exitCode != 1) {
+      EXPECT_EQ(solved("room.gltf", "--factors " + path("D.npz")), right) << at;
+    }
   }
-  EXPECT_EQ(detected, all);
   writeText(path("D.npz"), "not an archive");
   expectRefused("solve " + path("room.gltf") + " --factors " + path("D.npz"), "D.npz: the file of factors cannot be read");
 }
