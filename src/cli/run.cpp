@@ -367,7 +367,7 @@ class Run {
     MethodSpec again = *spec_;
     if (again.kind == MethodSpec::Kind::raster) {
       again.kind = MethodSpec::Kind::rays;
-      again.rays = 16384;
+      again.rays = 65536;
       replicates_.better = true;
     }
     replicates_.patches = chooseProbes(patches_, std::max(replicates_.better ? kFewest / 2 : kFewest, patches_.size() / kShare));

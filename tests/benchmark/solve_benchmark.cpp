@@ -1,0 +1,92 @@
+// Sweeps of the solve in bytes of F per second, beside the machine's own read bandwidth over the same bytes.
+#include "base/machine.h"
+#include "solve/solver.h"
+
+#include <benchmark/benchmark.h>
+#include <map>
+#include <tbb/parallel_for.h>
+
+namespace {
+
+using namespace farol;
+
+// A dense F of n patches that sums to 1, with rho 0.5: only its size matters.
+struct System {
+  explicit System(size_t n) : f(n) {
+    scene.path = "given";
+    patches.patches.resize(n);
+    for (uint32_t i = 0; i < n; ++i) {
+      const auto row = f.row(i);
+      for (size_t j = 0; j < n; ++j) row[j] = static_cast<float>((0.5 + unitFromBits(mixBits(i * n + j))) / static_cast<double>(n));
+      f.finish(i, {});
+      Patch& p = patches.patches[i];
+      p.area = 1;
+      p.reflectance = Rgb(0.5, 0.4, 0.3);
+      p.emission = Rgb(i % 100 == 0 ? 1 : 0);
+    }
+  }
+  // Of the seconds that `sweeps` more sweeps take.
+  double seconds(SolverKind kind, size_t sweeps) const {
+    SolveOptions o;
+    o.kind = kind;
+    o.residual = 1e-300;
+    o.maxSweeps = 1;
+    const auto run = [&] {
+      const Stopwatch watch;
+      benchmark::DoNotOptimize(solveRadiosity(f, patches, {}, scene, o, Log(true)));
+      return watch.seconds();
+    };
+    const double one = run();
+    o.maxSweeps += sweeps;
+    return run() - one;
+  }
+  Scene scene;
+  PatchSet patches;
+  FormFactorMatrix f;
+};
+
+const System& systemOf(size_t n) {
+  static std::map<size_t, System> systems;
+  return systems.try_emplace(n, n).first->second;
+}
+
+void sweep(benchmark::State& state, SolverKind kind) {
+  const auto n = static_cast<size_t>(state.range(0));
+  const System& system = systemOf(n);
+  const size_t sweeps = std::max<size_t>(4, 400000000 / (n * n));
+  for (auto _ : state) state.SetIterationTime(system.seconds(kind, sweeps) / static_cast<double>(sweeps));
+  state.SetBytesProcessed(state.iterations() * static_cast<int64_t>(4 * n * n));
+}
+
+#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__)
+__attribute__((target_clones("default", "avx2", "avx512f")))
+#endif
+float sumOf(const float* values, size_t n) {
+  float partial[64] = {};
+  for (size_t k = 0; k + 64 <= n; k += 64) {
+    for (size_t l = 0; l < 64; ++l) partial[l] += values[k + l];
+  }
+  float sum = 0;
+  for (const float p : partial) sum += p;
+  return sum;
+}
+
+void read(benchmark::State& state) {
+  const auto n = static_cast<size_t>(state.range(0));
+  const System& system = systemOf(n);
+  const size_t repeats = std::max<size_t>(4, 400000000 / (n * n));
+  for (auto _ : state) {
+    const Stopwatch watch;
+    for (size_t r = 0; r < repeats; ++r) {
+      tbb::parallel_for(size_t{0}, n, [&](size_t i) { benchmark::DoNotOptimize(sumOf(system.f[i].dense.data(), n)); });
+    }
+    state.SetIterationTime(watch.seconds() / static_cast<double>(repeats));
+  }
+  state.SetBytesProcessed(state.iterations() * static_cast<int64_t>(4 * n * n));
+}
+
+BENCHMARK(read)->ArgName("N")->Arg(4000)->Arg(16000)->UseManualTime()->Iterations(3)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(sweep, jacobi, SolverKind::jacobi)->ArgName("N")->Arg(4000)->Arg(16000)->UseManualTime()->Iterations(3)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(sweep, gauss_seidel, SolverKind::gaussSeidel)->ArgName("N")->Arg(4000)->Arg(16000)->UseManualTime()->Iterations(3)->Unit(benchmark::kMillisecond);
+
+}  // namespace
