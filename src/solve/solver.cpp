@@ -3,6 +3,11 @@
 #include "base/error.h"
 
 #include <Eigen/Core>
+#include <array>
+#include <cstring>
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
 #include <tbb/parallel_for.h>
 
 namespace farol {
@@ -11,27 +16,92 @@ namespace {
 // N x 3, a column per channel: the three systems are advanced together and share every load of F.
 using Channels = Eigen::Matrix<double, Eigen::Dynamic, 3>;
 
-// sums[c] = sum_j row[j] b[c n + j] for three channels. Eight partial sums per channel, always in the same order,
-// so that every instruction set gives the same bits; the processor's widest is chosen at run time.
-#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__)
-__attribute__((target_clones("default", "avx2", "avx512f")))
-#endif
-void gatherRow(const float* row, const double* b, size_t n, double* sums) {
-  constexpr size_t kLanes = 8;
-  double partial[3][kLanes] = {};
-  size_t j = 0;
-  for (; j + kLanes <= n; j += kLanes) {
-    for (size_t k = 0; k < kLanes; ++k) {
-      const double f = static_cast<double>(row[j + k]);
-      partial[0][k] += f * b[j + k];
-      partial[1][k] += f * b[n + j + k];
-      partial[2][k] += f * b[2 * n + j + k];
+// sum_j rows[r][j] b[c n + j] for three channels and several rows, which share every load of b. Eight partial sums per
+// row and channel, always in the same order: neither the number of rows nor, where multiply and add are fused, the
+// instruction set changes a bit.
+constexpr size_t kLanes = 8;
+using Partial = double[3][kLanes];
+
+// Adds what j below `last`, a multiple of eight, bring.
+using Gather = void (*)(const float* const* rows, const double* b, size_t n, size_t last, Partial* sums);
+
+template <size_t Rows>
+void gatherPlain(const float* const* rows, const double* b, size_t n, size_t last, Partial* sums) {
+  for (size_t j = 0; j < last; j += kLanes) {
+    for (size_t r = 0; r < Rows; ++r) {
+      for (size_t k = 0; k < kLanes; ++k) {
+        const auto f = static_cast<double>(rows[r][j + k]);
+        for (size_t c = 0; c < 3; ++c) sums[r][c][k] += f * b[c * n + j + k];
+      }
     }
   }
-  for (size_t c = 0; c < 3; ++c) {
-    sums[c] = 0;
-    for (const double p : partial[c]) sums[c] += p;
-    for (size_t tail = j; tail < n; ++tail) sums[c] += static_cast<double>(row[tail]) * b[c * n + tail];
+}
+
+#if defined(__x86_64__)
+template <size_t Rows>
+[[gnu::target("avx2,fma")]] void gatherAvx2(const float* const* rows, const double* b, size_t n, size_t last,
+                                            Partial* sums) {
+  if constexpr (Rows > 2) {  // sixteen registers hold the sums of two rows
+    gatherAvx2<2>(rows, b, n, last, sums);
+    gatherAvx2<Rows - 2>(rows + 2, b, n, last, sums + 2);
+  } else {
+    __m256d part[Rows][3][2];
+    std::memcpy(part, sums, sizeof part);
+    for (size_t j = 0; j < last; j += kLanes) {
+      for (size_t r = 0; r < Rows; ++r) {
+        for (size_t h = 0; h < 2; ++h) {
+          const __m256d f = _mm256_cvtps_pd(_mm_loadu_ps(rows[r] + j + 4 * h));
+          for (size_t c = 0; c < 3; ++c)
+            part[r][c][h] = _mm256_fmadd_pd(f, _mm256_loadu_pd(b + c * n + j + 4 * h), part[r][c][h]);
+        }
+      }
+    }
+    std::memcpy(sums, part, sizeof part);
+  }
+}
+
+template <size_t Rows>
+[[gnu::target("avx512f")]] void gatherAvx512(const float* const* rows, const double* b, size_t n, size_t last,
+                                              Partial* sums) {
+  __m512d part[Rows][3];
+  std::memcpy(part, sums, sizeof part);
+  for (size_t j = 0; j < last; j += kLanes) {
+    const __m512d from[3] = {_mm512_loadu_pd(b + j), _mm512_loadu_pd(b + n + j), _mm512_loadu_pd(b + 2 * n + j)};
+    for (size_t r = 0; r < Rows; ++r) {
+      const __m512d f = __builtin_convertvector(_mm256_loadu_ps(rows[r] + j), __m512d);
+      for (size_t c = 0; c < 3; ++c) part[r][c] = _mm512_fmadd_pd(f, from[c], part[r][c]);
+    }
+  }
+  std::memcpy(sums, part, sizeof part);
+}
+#endif
+
+// For the processor that runs this.
+template <size_t Rows>
+Gather chosenGather() {
+#if defined(__x86_64__)
+  if (__builtin_cpu_supports("avx512f")) return gatherAvx512<Rows>;
+  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) return gatherAvx2<Rows>;
+#endif
+  return gatherPlain<Rows>;
+}
+
+// sums[r] of at most kRowsAtOnce dense rows.
+constexpr size_t kRowsAtOnce = 16, kGroup = 8;
+void gatherRows(std::span<const float* const> rows, const double* b, size_t n, Eigen::RowVector3d* sums) {
+  static const Gather one = chosenGather<1>(), group = chosenGather<kGroup>();
+  alignas(64) Partial partial[kRowsAtOnce] = {};
+  const size_t even = n / kLanes * kLanes;
+  size_t done = 0;
+  for (; done + kGroup <= rows.size(); done += kGroup) group(rows.data() + done, b, n, even, partial + done);
+  for (; done < rows.size(); ++done) one(rows.data() + done, b, n, even, partial + done);
+  for (size_t r = 0; r < rows.size(); ++r) {
+    for (size_t c = 0; c < 3; ++c) {
+      double sum = 0;
+      for (const double p : partial[r][c]) sum += p;
+      for (size_t j = even; j < n; ++j) sum += static_cast<double>(rows[r][j]) * b[c * n + j];
+      sums[r][static_cast<Eigen::Index>(c)] = sum;
+    }
   }
 }
 
@@ -40,11 +110,11 @@ void gatherRow(const float* row, const double* b, size_t n, double* sums) {
 __attribute__((target_clones("default", "avx2")))
 #endif
 void gatherHits(const uint32_t* ids, size_t count, double weight, const double* b, double* sums) {
-  constexpr size_t kLanes = 4;  // hits side by side, to hide the additions' latency
-  double partial[kLanes][4] = {};
+  constexpr size_t kSide = 4;  // hits side by side, to hide the additions' latency
+  double partial[kSide][4] = {};
   size_t k = 0;
-  for (; k + kLanes <= count; k += kLanes) {
-    for (size_t l = 0; l < kLanes; ++l) {
+  for (; k + kSide <= count; k += kSide) {
+    for (size_t l = 0; l < kSide; ++l) {
       const double* from = b + size_t{4} * ids[k + l];
       for (size_t c = 0; c < 4; ++c) partial[l][c] += from[c];
     }
@@ -58,11 +128,11 @@ void gatherHits(const uint32_t* ids, size_t count, double weight, const double* 
 
 // The same for a list of entries.
 void gatherEntries(const uint32_t* ids, const float* values, size_t count, const double* b, double* sums) {
-  constexpr size_t kLanes = 2;
-  double partial[kLanes][4] = {};
+  constexpr size_t kSide = 2;
+  double partial[kSide][4] = {};
   size_t k = 0;
-  for (; k + kLanes <= count; k += kLanes) {
-    for (size_t l = 0; l < kLanes; ++l) {
+  for (; k + kSide <= count; k += kSide) {
+    for (size_t l = 0; l < kSide; ++l) {
       const double* from = b + size_t{4} * ids[k + l];
       for (size_t c = 0; c < 4; ++c) partial[l][c] += static_cast<double>(values[k + l]) * from[c];
     }
@@ -83,6 +153,10 @@ class Field {
     columns_.row(i) = value;
     pack(i);
   }
+  void add(const Channels& change) {
+    columns_ += change;
+    for (Eigen::Index i = 0; i < columns_.rows(); ++i) pack(i);
+  }
   const Channels& columns() const { return columns_; }
   const double* packed() const { return packed_.data(); }
 
@@ -93,6 +167,15 @@ class Field {
   Channels columns_;
   std::vector<double> packed_;
 };
+
+// Calls `use(part, place)` for parts of at most kRowsAtOnce patches, on all cores.
+template <typename Use>
+void forParts(std::span<const size_t> patches, Use&& use) {
+  tbb::parallel_for(size_t{0}, (patches.size() + kRowsAtOnce - 1) / kRowsAtOnce, [&](size_t part) {
+    const size_t at = part * kRowsAtOnce;
+    use(patches.subspan(at, std::min(kRowsAtOnce, patches.size() - at)), at);
+  });
+}
 
 class System {
  public:
@@ -120,8 +203,9 @@ class System {
   Eigen::RowVector3d gather(size_t i, const Field& b) const {
     const FormFactorRow row = f_[i];
     Eigen::RowVector3d sums = Eigen::RowVector3d::Zero();
-    if (!row.dense.empty())
-      gatherRow(row.dense.data(), b.columns().data(), row.dense.size(), sums.data());
+    const float* dense = row.dense.data();
+    if (dense != nullptr)
+      gatherRows(std::span(&dense, 1), b.columns().data(), f_.size(), &sums);
     else if (!row.values.empty())
       gatherEntries(row.ids.data(), row.values.data(), row.ids.size(), b.packed(), sums.data());
     else if (!row.ids.empty())
@@ -129,10 +213,30 @@ class System {
     return sums;
   }
 
-  // What patch i's radiosity should be, given the others.
-  Eigen::RowVector3d updated(size_t i, const Field& b) const {
-    const auto k = static_cast<Eigen::Index>(i);
-    return emission.row(k) + reflectance.row(k).cwiseProduct(source.row(k) + gather(i, b));
+  // The same for at most kRowsAtOnce patches, in `sums` one after the other.
+  void gather(std::span<const size_t> patches, const Field& b, Eigen::RowVector3d* sums) const {
+    std::array<const float*, kRowsAtOnce> rows;
+    for (size_t k = 0; k < patches.size(); ++k) rows[k] = denseRow(patches[k]);
+    if (std::find(rows.begin(), rows.begin() + patches.size(), nullptr) == rows.begin() + patches.size()) {
+      gatherRows(std::span(rows).first(patches.size()), b.columns().data(), f_.size(), sums);
+    } else {
+      for (size_t k = 0; k < patches.size(); ++k) sums[k] = gather(patches[k], b);
+    }
+  }
+  // The same for all reflecting patches, on all cores; `use(k, sum)` for the k-th.
+  template <typename Use>
+  void gatherAll(const Field& b, Use&& use) const {
+    forParts(reflecting, [&](std::span<const size_t> patches, size_t) {
+      std::array<Eigen::RowVector3d, kRowsAtOnce> sums;
+      gather(patches, b, sums.data());
+      for (size_t k = 0; k < patches.size(); ++k) use(static_cast<Eigen::Index>(patches[k]), sums[k]);
+    });
+  }
+  const float* denseRow(size_t i) const { return f_[i].dense.data(); }  // null for a list
+
+  // What patch i's radiosity should be where the others send `gathered`.
+  Eigen::RowVector3d updated(Eigen::Index i, const Eigen::RowVector3d& gathered) const {
+    return emission.row(i) + reflectance.row(i).cwiseProduct(source.row(i) + gathered);
   }
 
   double rowSum(size_t i) const { return f_.rowSum(i); }
@@ -148,20 +252,14 @@ class System {
 // E + rho (source + F b) - b over the reflecting patches; zero elsewhere.
 Channels residualOf(const System& s, const Field& b) {
   Channels r = Channels::Zero(b.columns().rows(), 3);
-  tbb::parallel_for(size_t{0}, s.reflecting.size(), [&](size_t k) {
-    const auto i = static_cast<Eigen::Index>(s.reflecting[k]);
-    r.row(i) = s.updated(s.reflecting[k], b) - b.columns().row(i);
-  });
+  s.gatherAll(b, [&](Eigen::Index i, const Eigen::RowVector3d& sum) { r.row(i) = s.updated(i, sum) - b.columns().row(i); });
   return r;
 }
 
 // rho F v: one Jacobi sweep applied to a difference.
 Channels reflectOnce(const System& s, const Field& v) {
   Channels out = Channels::Zero(v.columns().rows(), 3);
-  tbb::parallel_for(size_t{0}, s.reflecting.size(), [&](size_t k) {
-    const auto i = static_cast<Eigen::Index>(s.reflecting[k]);
-    out.row(i) = s.reflectance.row(i).cwiseProduct(s.gather(s.reflecting[k], v));
-  });
+  s.gatherAll(v, [&](Eigen::Index i, const Eigen::RowVector3d& sum) { out.row(i) = s.reflectance.row(i).cwiseProduct(sum); });
   return out;
 }
 
@@ -169,41 +267,62 @@ double largest(const Channels& v) {
   return v.size() > 0 ? v.cwiseAbs().maxCoeff() : 0.0;
 }
 
-// One sweep in place; returns the largest change.
+// One sweep in place; returns the largest change. Rows of a block are gathered together, on all cores, from the radiosity
+// before the block; what changes within the block is then added in order: Gauss-Seidel up to rounding.
 double sweepGaussSeidel(const System& s, Field& b) {
+  constexpr size_t kBlock = 128;
   double change = 0;
-  for (const size_t i : s.reflecting) {
-    const auto k = static_cast<Eigen::Index>(i);
-    const Eigen::RowVector3d next = s.updated(i, b);
-    change = std::max(change, (next - b.columns().row(k)).cwiseAbs().maxCoeff());
-    b.set(k, next);
+  std::array<Eigen::RowVector3d, kBlock> sums, changes;
+  for (size_t first = 0; first < s.reflecting.size(); first += kBlock) {
+    const auto block = std::span(s.reflecting).subspan(first, std::min(kBlock, s.reflecting.size() - first));
+    const bool dense = std::all_of(block.begin(), block.end(), [&](size_t i) { return s.denseRow(i) != nullptr; });
+    if (dense) {
+      forParts(block, [&](std::span<const size_t> patches, size_t at) { s.gather(patches, b, &sums[at]); });
+    }
+    for (size_t k = 0; k < block.size(); ++k) {
+      const auto i = static_cast<Eigen::Index>(block[k]);
+      if (dense) {
+        const float* row = s.denseRow(block[k]);
+        for (size_t l = 0; l < k; ++l) sums[k] += static_cast<double>(row[block[l]]) * changes[l];
+      } else {
+        sums[k] = s.gather(block[k], b);
+      }
+      const Eigen::RowVector3d next = s.updated(i, sums[k]);
+      changes[k] = next - b.columns().row(i);
+      change = std::max(change, changes[k].cwiseAbs().maxCoeff());
+      b.set(i, next);
+    }
   }
   return change;
 }
 
 double sweepJacobi(const System& s, Field& b) {
   const Channels r = residualOf(s, b);  // the change of a Jacobi sweep is the residual before it
-  b = Field(b.columns() + r);
+  b.add(r);
   return largest(r);
 }
 
 // Radiosity that errors are measured against: the mean of the brightest channel over patches that do not emit,
-// or over all patches when every patch emits.
-double referenceRadiosity(const PatchSet& patches, const Channels& b) {
-  Eigen::RowVector3d others = Eigen::RowVector3d::Zero(), all = others;
-  double otherArea = 0, allArea = 0;
-  for (size_t i = 0; i < patches.size(); ++i) {
-    const Patch& p = patches.patches[i];
-    const Eigen::RowVector3d flux = p.area * b.row(static_cast<Eigen::Index>(i));
-    all += flux;
-    allArea += p.area;
-    if (p.emits()) continue;
-    others += flux;
-    otherArea += p.area;
+// or over all patches when every patch emits or the others are black.
+class Reference {
+ public:
+  explicit Reference(const PatchSet& patches) : all_(static_cast<Eigen::Index>(patches.size())), others_(all_.size()) {
+    for (size_t i = 0; i < patches.size(); ++i) {
+      const auto k = static_cast<Eigen::Index>(i);
+      all_[k] = patches.patches[i].area;
+      others_[k] = patches.patches[i].emits() ? 0 : all_[k];
+    }
+    all_ /= std::max(all_.sum(), 1e-300);
+    if (others_.sum() > 0) others_ /= others_.sum();
   }
-  const double fromOthers = otherArea > 0 ? others.maxCoeff() / otherArea : 0;
-  return fromOthers > 0 ? fromOthers : all.maxCoeff() / allArea;
-}
+  double of(const Channels& b) const {
+    const double others = (others_.transpose() * b).maxCoeff();
+    return others > 0 ? others : (all_.transpose() * b).maxCoeff();
+  }
+
+ private:
+  Eigen::VectorXd all_, others_;  // weights
+};
 
 // A patch from which light can reach no absorber, no black back and no opening keeps it for ever. Light
 // that is made there has no steady state. `drained` grows from every absorber along the rows of F.
@@ -258,6 +377,7 @@ Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, cons
   for (const size_t i : system.reflecting)
     bound = std::max(bound, maxChannel(patches.patches[i].reflectance) * system.rowSum(i));
 
+  const Reference meanRadiosity(patches);
   Channels r = residualOf(system, b);
   result.residual = largest(r);
   const double firstResidual = result.residual;
@@ -267,7 +387,7 @@ Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, cons
     const double change =
         options.kind == SolverKind::gaussSeidel ? sweepGaussSeidel(system, b) : sweepJacobi(system, b);
     progress.update(++result.sweeps);
-    const double reference = referenceRadiosity(patches, b.columns());
+    const double reference = meanRadiosity.of(b.columns());
     const bool lastSweep = result.sweeps == options.maxSweeps;
     if (!std::isfinite(change) || change > 1e3 * firstResidual) {
       throw Error(
