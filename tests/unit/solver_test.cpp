@@ -12,7 +12,7 @@ namespace {
 struct GivenSystem {
   GivenSystem(const std::vector<std::vector<double>>& rows, const std::vector<double>& rho,
               const std::vector<double>& emission)
-      : f(rows.size()) {
+      : f(rows.size()), replaced(rows.size()) {
     scene.path = "given";
     scene.surfaces.push_back({"surface", 0, {}, {}, {}, {}, {}});
     for (uint32_t i = 0; i < rows.size(); ++i) {
@@ -39,7 +39,7 @@ struct GivenSystem {
   }
   Scene scene;
   PatchSet patches;
-  FormFactorMatrix f;
+  FormFactorMatrix f, replaced;  // `replaced`: an empty matrix of the same size
 };
 
 constexpr SolverKind kBoth[] = {SolverKind::gaussSeidel, SolverKind::jacobi};
@@ -75,6 +75,54 @@ TEST(Solver, GaussSeidelHalvesTheSweeps) {
   const GivenSystem plates({{0, 1}, {1, 0}}, {0.9, 0.9}, {1, 0});
   const Solution jacobi = plates.solve(SolverKind::jacobi), seidel = plates.solve(SolverKind::gaussSeidel);
   EXPECT_NEAR(static_cast<double>(seidel.sweeps) / static_cast<double>(jacobi.sweeps), 0.5, 0.15);
+}
+
+// Some sweeps of both methods against the plain loops of a textbook, on a system of several blocks with black patches
+// and, in the second, short lists of entries among the dense rows.
+TEST(Solver, SweepsAsTheTextbookDoes) {
+  constexpr uint32_t n = 333;
+  std::vector<double> rho, emission;
+  for (uint32_t i = 0; i < n; ++i) {
+    rho.push_back(i % 7 == 0 ? 0 : 0.3 + 0.6 * unitFromBits(mixBits(i)));
+    emission.push_back(i % 50 == 0 ? 1 : 0);
+  }
+  for (const bool lists : {false, true}) {
+    std::vector<std::vector<double>> rows(n, std::vector<double>(n));
+    GivenSystem given(rows, rho, emission);
+    for (uint32_t i = 0; i < n; ++i) {
+      std::vector<uint32_t> ids;
+      std::vector<float> values;
+      const bool list = lists && i % 5 == 0;
+      rows[i].assign(n, 0);
+      for (uint32_t j = 0; j < n; ++j) {
+        if (list && j % 9 != i % 9) continue;
+        ids.push_back(j);
+        values.push_back(static_cast<float>(unitFromBits(mixBits(i * n + j)) * (list ? 18.0 : 2.0) / n));
+        rows[i][j] = static_cast<double>(values.back());
+      }
+      if (list)
+        given.replaced.entries(i, ids, values);
+      else
+        std::copy(values.begin(), values.end(), given.replaced.row(i).begin());
+      given.replaced.finish(i, {});
+    }
+    given.f = given.replaced;
+    constexpr size_t kSweeps = 3;
+    for (const SolverKind kind : kBoth) {
+      std::vector<double> b = emission;  // red
+      for (size_t sweep = 0; sweep < kSweeps; ++sweep) {
+        const std::vector<double> before = b;
+        for (uint32_t i = 0; i < n; ++i) {
+          double h = 0;
+          for (uint32_t j = 0; j < n; ++j) h += rows[i][j] * (kind == SolverKind::jacobi ? before : b)[j];
+          b[i] = emission[i] + rho[i] * h;
+        }
+      }
+      const Solution s = given.solve(kind, 1e-14, kSweeps);
+      EXPECT_EQ(s.sweeps, kSweeps);
+      for (uint32_t i = 0; i < n; ++i) EXPECT_NEAR(s.radiosity[i].r, b[i], 1e-13 * (1 + b[i])) << i;
+    }
+  }
 }
 
 // The reported error bounds the true one, also where a small change per sweep is not a small error.
