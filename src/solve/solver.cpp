@@ -203,7 +203,7 @@ class System {
   Eigen::RowVector3d gather(size_t i, const Field& b) const {
     const FormFactorRow row = f_[i];
     Eigen::RowVector3d sums = Eigen::RowVector3d::Zero();
-    const float* dense = row.dense.data();
+    const float* dense = denseRow(i);
     if (dense != nullptr)
       gatherRows(std::span(&dense, 1), b.columns().data(), f_.size(), &sums);
     else if (!row.values.empty())
@@ -232,7 +232,10 @@ class System {
       for (size_t k = 0; k < patches.size(); ++k) use(static_cast<Eigen::Index>(patches[k]), sums[k]);
     });
   }
-  const float* denseRow(size_t i) const { return f_[i].dense.data(); }  // null for a list
+  const float* denseRow(size_t i) const {  // null for a list
+    const std::span<const float> row = f_[i].dense;
+    return row.empty() ? nullptr : row.data();
+  }
 
   // What patch i's radiosity should be where the others send `gathered`.
   Eigen::RowVector3d updated(Eigen::Index i, const Eigen::RowVector3d& gathered) const {
