@@ -305,6 +305,27 @@ double sweepJacobi(const System& s, Field& b) {
   return largest(r);
 }
 
+// The factor by which a Jacobi sweep reduces the residual r: the larger of what the sweep does to its largest value and,
+// per channel, the Rayleigh quotient <r, rho F r> / <r, r> with weights A / rho, for which rho F is self-adjoint.
+double contractionOn(const System& s, const PatchSet& patches, const Channels& r) {
+  const double size = largest(r);
+  if (size == 0) return 0;
+  const Channels next = reflectOnce(s, Field(r));
+  double contraction = largest(next) / size;
+  for (int c = 0; c < 3; ++c) {
+    double product = 0, square = 0;
+    for (const size_t i : s.reflecting) {
+      const auto k = static_cast<Eigen::Index>(i);
+      if (s.reflectance(k, c) <= 0) continue;
+      const double weight = patches.patches[i].area / s.reflectance(k, c);
+      product += weight * r(k, c) * next(k, c);
+      square += weight * r(k, c) * r(k, c);
+    }
+    if (square > 0) contraction = std::max(contraction, product / square);
+  }
+  return contraction;
+}
+
 // Radiosity that errors are measured against: the mean of the brightest channel over patches that do not emit,
 // or over all patches when every patch emits or the others are black.
 class Reference {
@@ -404,8 +425,7 @@ Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, cons
     r = residualOf(system, b);
     result.residual = largest(r);
     // One more sweep on the residual shows how much a sweep still takes off the slowest part.
-    const double next = largest(reflectOnce(system, Field(r)));
-    result.contraction = result.residual > 0 ? std::min(next / result.residual, bound) : 0;
+    result.contraction = std::min(contractionOn(system, patches, r), bound);
     const double room = 1 - result.contraction;
     result.error = reference > 0 && room > 0 ? result.residual / room / reference : result.residual > 0 ? 1e300 : 0;
     result.converged = result.error <= options.residual;

@@ -204,6 +204,44 @@ TEST(Corridor, CarriesLightToItsFarEnd) {
   }
 }
 
+// Truth B7: sweeps until max|B - B*| < 1e-6 max B*, from closed forms, within one; the contraction of a Jacobi sweep, rho
+// itself in a closed scene, within 1 %.
+TEST(Corridor, TakesTheKnownNumberOfSweeps) {
+  struct Counts {
+    double rho;
+    size_t jacobi, gaussSeidel;
+  };
+  for (const Counts& known : {Counts{0.5, 16, 9}, Counts{0.9, 110, 57}, Counts{0.99, 1249, 626}}) {
+    auto box = closedBox({1, 1, 20}, Rgb(known.rho));
+    box[4].emission = Rgb(1);
+    ExactRun run(loadSurfaces(box), {0, 1.0});
+    run.makeAll();
+    const auto solvedBy = [&](SolverKind kind, double residual, size_t maxSweeps) {
+      SolveOptions o;
+      o.kind = kind;
+      o.residual = residual;
+      o.maxSweeps = maxSweeps;
+      return solveRadiosity(run.f, run.patches, {}, run.scene, o, Log(true));
+    };
+    const Solution limit = solvedBy(SolverKind::gaussSeidel, 1e-12, 100000);
+    for (const SolverKind kind : {SolverKind::jacobi, SolverKind::gaussSeidel}) {
+      const auto errorAfter = [&](size_t sweeps) {
+        const Solution s = solvedBy(kind, 1e-14, sweeps);
+        double error = 0, largest = 0;
+        for (size_t k = 0; k < s.radiosity.size(); ++k) {
+          error = std::max(error, std::abs(s.radiosity[k].r - limit.radiosity[k].r));
+          largest = std::max(largest, limit.radiosity[k].r);
+        }
+        return error / largest;
+      };
+      const size_t sweeps = kind == SolverKind::jacobi ? known.jacobi : known.gaussSeidel;
+      EXPECT_LT(errorAfter(sweeps + 1), 1e-6) << known.rho;
+      EXPECT_GT(errorAfter(sweeps - 2), 1e-6) << known.rho;
+    }
+    EXPECT_NEAR(solvedBy(SolverKind::jacobi, 1e-10, 100000).contraction, known.rho, 0.01 * known.rho);
+  }
+}
+
 // Energy: what is emitted is absorbed, as closely as F is reciprocal.
 TEST(CornellStyleBox, KeepsItsEnergy) {
   RasterOptions options;
