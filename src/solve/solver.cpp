@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <bit>
 #include <cstring>
 #if defined(__x86_64__)
 #include <immintrin.h>
@@ -305,23 +306,26 @@ double sweepJacobi(const System& s, Field& b) {
   return largest(r);
 }
 
-// The factor by which a Jacobi sweep reduces the residual r: the larger of what the sweep does to its largest value and,
-// per channel, the Rayleigh quotient <r, rho F r> / <r, r> with weights A / rho, for which rho F is self-adjoint.
-double contractionOn(const System& s, const PatchSet& patches, const Channels& r) {
+// The factor by which a Jacobi sweep reduces the residual r: what it does to the largest value, and to the norm with
+// weights A / rho (of the worst channel), in which rho F is self-adjoint: the spectral radius is not below that.
+struct Contraction {
+  double ofLargest = 0, ofNorm = 0;
+};
+Contraction contractionOn(const System& s, const PatchSet& patches, const Channels& r) {
   const double size = largest(r);
-  if (size == 0) return 0;
+  if (size == 0) return {};
   const Channels next = reflectOnce(s, Field(r));
-  double contraction = largest(next) / size;
+  Contraction contraction{largest(next) / size, 0};
   for (int c = 0; c < 3; ++c) {
-    double product = 0, square = 0;
+    double after = 0, before = 0;
     for (const size_t i : s.reflecting) {
       const auto k = static_cast<Eigen::Index>(i);
       if (s.reflectance(k, c) <= 0) continue;
       const double weight = patches.patches[i].area / s.reflectance(k, c);
-      product += weight * r(k, c) * next(k, c);
-      square += weight * r(k, c) * r(k, c);
+      after += weight * next(k, c) * next(k, c);
+      before += weight * r(k, c) * r(k, c);
     }
-    if (square > 0) contraction = std::max(contraction, product / square);
+    if (before > 0) contraction.ofNorm = std::max(contraction.ofNorm, std::sqrt(after / before));
   }
   return contraction;
 }
@@ -398,8 +402,16 @@ Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, cons
   Progress progress(log, "solve", "sweeps", 0);
 
   double bound = 0;  // no operator norm exceeds this
-  for (const size_t i : system.reflecting)
-    bound = std::max(bound, maxChannel(patches.patches[i].reflectance) * system.rowSum(i));
+  size_t worstRow = 0;
+  for (const size_t i : system.reflecting) {
+    const double norm = maxChannel(patches.patches[i].reflectance) * system.rowSum(i);
+    if (norm > bound) worstRow = i;
+    bound = std::max(bound, norm);
+  }
+  const auto refuse = [&](const std::string& found) {
+    throw Error("{}: the solution diverges: after {} sweeps {}; reflectance times row sum reaches {:.6f} in row {}",
+                scene.path, result.sweeps, found, bound, worstRow);
+  };
 
   const Reference meanRadiosity(patches);
   Channels r = residualOf(system, b);
@@ -413,19 +425,22 @@ Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, cons
     progress.update(++result.sweeps);
     const double reference = meanRadiosity.of(b.columns());
     const bool lastSweep = result.sweeps == options.maxSweeps;
-    if (!std::isfinite(change) || change > 1e3 * firstResidual) {
-      throw Error(
-          "{}: the solution diverges: after {} sweeps a sweep changes radiosity by {:.3g}, the first residual was "
-          "{:.3g}; "
-          "reflectance times row sum reaches {:.6f}",
-          scene.path, result.sweeps, change, firstResidual, bound);
+    if (!std::isfinite(change) || change > 1e3 * firstResidual)
+      refuse(fmt::format("a sweep changes radiosity by {:.3g}, the first residual was {:.3g}", change, firstResidual));
+    if (bound > 1 && result.sweeps >= 8 && std::has_single_bit(result.sweeps) && change > 0) {
+      // Over two sweeps: rows that are not reciprocal may grow in one and shrink in the next.
+      const Channels before = residualOf(system, b), after = reflectOnce(system, Field(before));
+      const double growth =
+          std::sqrt(contractionOn(system, patches, before).ofNorm * contractionOn(system, patches, after).ofNorm);
+      if (growth >= 1) refuse(fmt::format("a sweep multiplies the residual by {:.4f}", growth));
     }
     if (change > patience * options.residual * reference && !lastSweep) continue;
 
     r = residualOf(system, b);
     result.residual = largest(r);
     // One more sweep on the residual shows how much a sweep still takes off the slowest part.
-    result.contraction = std::min(contractionOn(system, patches, r), bound);
+    const Contraction found = contractionOn(system, patches, r);
+    result.contraction = std::min(std::max(found.ofLargest, found.ofNorm), bound);
     const double room = 1 - result.contraction;
     result.error = reference > 0 && room > 0 ? result.residual / room / reference : result.residual > 0 ? 1e300 : 0;
     result.converged = result.error <= options.residual;
