@@ -18,6 +18,7 @@ struct ComparisonReport {
   FormFactorChecks checksA, checksB;
   double irradianceChange = 0;
   double secondsA = 0, secondsB = 0;
+  bool estimated = false;          // at least one side states errors
   std::vector<std::string> worst;  // surfaces: of the worst row, of what A sees most more and most less of
 };
 

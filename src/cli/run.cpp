@@ -2,6 +2,7 @@
 
 #include "base/error.h"
 #include "base/output_file.h"
+#include "cli/comparison_text.h"
 #include "cli/methods.h"
 #include "cli/report.h"
 #include "formfactor/near_field.h"
@@ -553,14 +554,22 @@ class Run {
     spec_ = specA ? specA : specB ? specB : std::optional(this->specOf(MethodSpec::Kind::rays));
     report_.clock.finish("form factors");
     const Comparison c = compareFactors(a->f, a->error, b->f, b->error, patches_);
-    const FormFactorChecks checksA = checkFormFactors(a->f, patches_), checksB = checkFormFactors(b->f, patches_);
-    const double change = radiosityChange(a->f, b->f);
-    report_.clock.finish("compare");
-    sayComparison(*a, *b, c, checksA, checksB, change);
-    if (!options_.output.empty()) drawDifference(c);
-    report_.comparison = ComparisonReport{a->name, b->name, c, checksA, checksB, change, a->seconds, b->seconds, {}};
+    const bool estimated = a->error.samples > 0 || b->error.samples > 0;
+    report_.comparison = ComparisonReport{a->name,
+                                          b->name,
+                                          c,
+                                          checkFormFactors(a->f, patches_),
+                                          checkFormFactors(b->f, patches_),
+                                          radiosityChange(a->f, b->f),
+                                          a->seconds,
+                                          b->seconds,
+                                          estimated,
+                                          {}};
     for (const uint32_t p : {c.worst, c.rows[c.worst].more, c.rows[c.worst].less})
       report_.comparison->worst.push_back(p == kNone ? "" : surfaceNameOf(scene_, patches_.patches[p]));
+    report_.clock.finish("compare");
+    say("{}", comparisonText(*report_.comparison, scene_, patches_));
+    if (!options_.output.empty()) drawDifference(c);
   }
 
   // Both solved with the same lamps: rms difference of H over the mean of H, worst channel; 0 without light.
@@ -586,41 +595,8 @@ class Run {
     return worst;
   }
 
-  void sayComparison(const Side& a, const Side& b, const Comparison& c, const FormFactorChecks& checksA,
-                     const FormFactorChecks& checksB, double change) const {
-    const auto line = [&](const char* what, const std::string& left, const std::string& right) {
-      say("{:<28} {:>24} {:>24}", what, left, right);
-    };
-    const auto number = [](double x) { return fmt::format("{:.4g}", x); };
-    const auto sums = [](const FormFactorChecks& k) { return fmt::format("{:.5f} to {:.5f}", k.rowSumMin, k.rowSumMax); };
-    line("", a.name, b.name);
-    line("seconds", number(a.seconds), number(b.seconds));
-    line("row sums", sums(checksA), sums(checksB));
-    line("missed", number(checksA.missed), number(checksB.missed));
-    line("reciprocity error (rms)", number(checksA.reciprocityRms), number(checksB.reciprocityRms));
-    say("row L1 difference: mean {:.4g}, rms {:.4g}, largest {:.4g}; largest entry difference {:.4g}", c.l1Mean, c.rms,
-        c.l1Max, c.largest);
-    if (a.error.samples > 0 || b.error.samples > 0)
-      say("within the estimated errors of both: {:.2f} % of {} rows", 100 * c.withinEstimate, c.rows.size());
-    say("difference of H: {:.3g} of its mean (rms)", change);
-    const RowDifference& worst = c.rows[c.worst];
-    const auto place = [&](uint32_t p) {
-      const Vec3& at = patches_.patches[p].centre;
-      return fmt::format("patch {} on '{}' at ({:.4g}, {:.4g}, {:.4g})", p, surfaceNameOf(scene_, patches_.patches[p]), at.x, at.y, at.z);
-    };
-    say("worst row: {}, L1 {:.4g} where {:.4g} was estimated", place(c.worst), worst.l1, worst.estimate);
-    if (worst.more != kNone) say("  {} sees {:.4g} more of {}", a.name, worst.moreBy, place(worst.more));
-    if (worst.less != kNone) say("  {} sees {:.4g} less of {}", a.name, -worst.lessBy, place(worst.less));
-  }
-
-  // Every patch in the colour of its row's difference, from dark blue (none) over green to yellow (the largest).
   void drawDifference(const Comparison& c) {
-    std::vector<Rgb> colors;
-    const double scale = c.l1Max > 0 ? 1 / c.l1Max : 0;
-    for (const RowDifference& d : c.rows) {
-      const double x = std::sqrt(d.l1 * scale);
-      colors.emplace_back(std::clamp(2 * x - 1, 0.02, 1.0), std::clamp(1.2 * x, 0.02, 1.0), std::clamp(0.5 - 0.5 * x, 0.02, 1.0));
-    }
+    const std::vector<Rgb> colors = differenceColors(c);
     solution_.irradiance.assign(patches_.size(), Rgb(0));
     ViewOptions o;
     o.width = options_.width;

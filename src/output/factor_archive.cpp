@@ -238,13 +238,10 @@ struct FactorArchive::Impl {
     const int length = reader.header.descr.starts_with("|S") ? std::atoi(reader.header.descr.c_str() + 2) : 0;
     if (length < 1 || length > kLongest || !reader.header.shape.empty())
       throw Error("{}: member {}.npy is not a text", path, name);
-    const std::vector<char> letters = [&] {
-      std::vector<char> t(static_cast<size_t>(length));
-      reader.read(t.data(), t.size());
-      reader.finish();
-      return t;
-    }();
-    return {letters.begin(), letters.end()};
+    std::string letters(static_cast<size_t>(length), ' ');
+    reader.read(letters.data(), letters.size());
+    reader.finish();
+    return letters;
   }
 
   std::string path;
@@ -288,7 +285,7 @@ FormFactorMatrix FactorArchive::load(size_t patches, uint64_t maxBytes) const {
   const auto missed = a.array<double>("farol_missed", "<f8", patches), backs = a.array<double>("farol_backs", "<f8", patches),
              exposed = a.array<double>("farol_exposed", "<f8", patches),
              correction = a.array<double>("farol_correction", "<f8", patches);
-  for (const char* other : {"farol_area", "farol_cut"}) a.array<double>(other, "<f8", patches);  // for others; whole?
+  for (const char* unused : {"farol_area", "farol_cut"}) a.array<double>(unused, "<f8", patches);  // undamaged, that is all
   Impl::Reader indices(a, "indices"), data(a, "data");
   const bool wide = indices.header.descr == "<i8";
   std::vector<int64_t> starts;

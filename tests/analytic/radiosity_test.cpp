@@ -1,5 +1,6 @@
 // Solved scenes with known answers. Values: one patch per face with exact factors, dense solves at 30 digits that
 // agree with the Neumann series to 1e-13; furnaces, spheres and plates in closed form (sources at each test).
+#include "known_radiosity.h"
 #include "raster_run.h"
 #include "solve/solver.h"
 
@@ -92,13 +93,7 @@ TEST(Box, MatchesTheExactSixPatchSystem) {
   RasterRun run(loadSurfaces(colouredBox()), {0, 100}, options);
   ASSERT_EQ(run.patches.size(), 6u);
   const auto b = means(run, solved(run));
-  const std::map<std::string, Rgb> exact = {{"x0", {2.171163873184316, 0.1093678268880881, 0.02933129514035859}},
-                                            {"x1", {0.3946529414360281, 0.8300728046835957, 0.0573309907}},
-                                            {"y0", {2.547580745842231, 1.348377793982861, 0.3556600711}},
-                                            {"y1", {2.547580745842231, 1.383228920469016, 0.3804752276}},
-                                            {"z0", {1.112646793637008, 0.5968673270561775, 0.1775741596}},
-                                            {"z1", {19.34529294619865, 12.61373903953106, 4.1251568870}}};
-  for (const auto& [name, value] : exact) {
+  for (const auto& [name, value] : kColouredBoxRadiosity) {
     for (int c = 0; c < 3; ++c) EXPECT_NEAR(b.at(name)[c], value[c], 0.002 * value[c]) << name << " channel " << c;
   }
 }
@@ -178,11 +173,7 @@ TEST(ConcentricSpheres, MatchTheClosedForm) {
 
 // Truth B7: closed corridor 1 x 1 x 20, walls in 20 segments, ends one patch each; the end z = 0 emits.
 TEST(Corridor, CarriesLightToItsFarEnd) {
-  struct Values {
-    double rho, segment0, segment5, segment10, farEnd;
-  };
-  for (const Values& v : {Values{0.5, 0.1581809669, 0.0014740207, 0.0001695788, 0.0004763778175},
-                          Values{0.99, 3.4687662976, 1.5761557127, 0.7676046737, 0.3621195529}}) {
+  for (const CorridorRadiosity& v : kCorridors) {
     auto box = closedBox({1, 1, 20}, Rgb(v.rho));
     box[4].emission = Rgb(1);
     RasterOptions options;

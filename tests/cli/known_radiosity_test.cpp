@@ -1,5 +1,6 @@
 // Scenes of known radiosity by the program itself with everything on: near field, emitters apart, covered area. The
 // same answers as tests/analytic/radiosity_test.cpp (sources there), within the same bounds, by rays and by raster.
+#include "known_radiosity.h"
 #include "program.h"
 #include "test_scene.h"
 
@@ -82,13 +83,7 @@ TEST_P(KnownRadiosity, OfTheCube) {
 TEST_P(KnownRadiosity, OfTheColouredBox) {
   const Means m = solve(colouredBox(), "--patch-size 100");
   ASSERT_EQ(m.patches, 6u);
-  const std::map<std::string, Rgb> exact = {{"x0", {2.171163873184316, 0.1093678268880881, 0.02933129514035859}},
-                                            {"x1", {0.3946529414360281, 0.8300728046835957, 0.0573309907}},
-                                            {"y0", {2.547580745842231, 1.348377793982861, 0.3556600711}},
-                                            {"y1", {2.547580745842231, 1.383228920469016, 0.3804752276}},
-                                            {"z0", {1.112646793637008, 0.5968673270561775, 0.1775741596}},
-                                            {"z1", {19.34529294619865, 12.61373903953106, 4.1251568870}}};
-  for (const auto& [name, value] : exact) {
+  for (const auto& [name, value] : kColouredBoxRadiosity) {
     for (int c = 0; c < 3; ++c) EXPECT_NEAR(m.b.at(name)[c], value[c], 0.002 * value[c]) << name << " channel " << c;
   }
 }
@@ -133,11 +128,7 @@ TEST_P(KnownRadiosity, OfSpheres) {
 
 // Truth B7a and B7c: segments one unit long, the end z = 0 emits.
 TEST_P(KnownRadiosity, OfCorridors) {
-  struct Values {
-    double rho, segment0, segment5, segment10, farEnd;
-  };
-  for (const Values& v : {Values{0.5, 0.1581809669, 0.0014740207, 0.0001695788, 0.0004763778175},
-                          Values{0.99, 3.4687662976, 1.5761557127, 0.7676046737, 0.3621195529}}) {
+  for (const CorridorRadiosity& v : kCorridors) {
     auto box = closedBox({1, 1, 20}, Rgb(v.rho));
     box[4].emission = Rgb(1);
     const Means m = solve(box, "--patch-size 1");
