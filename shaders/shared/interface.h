@@ -46,6 +46,19 @@ FAROL_CONST kReduceBindingCount = 4;
 FAROL_CONST kReduceGroupSize = 64;      // lanes per workgroup
 FAROL_CONST kReducePixelsPerLane = 16;  // consecutive pixels that one lane walks as runs
 
+// Bindings of a Jacobi sweep, set 0.
+FAROL_CONST kBindingFactors = 0;      // half [rows x columns], each row scaled by a power of two
+FAROL_CONST kBindingFrom = 1;         // float [3 x columns]
+FAROL_CONST kBindingTo = 2;           // float [3 x columns]
+FAROL_CONST kBindingResidual = 3;     // float [3 x columns]
+FAROL_CONST kBindingReflectance = 4;  // float [3 x columns], over the row's scale
+FAROL_CONST kBindingChanges = 5;      // uint [sweeps], bits of the largest change
+FAROL_CONST kJacobiBindingCount = 6;
+
+FAROL_CONST kJacobiRows = 16;           // per workgroup
+FAROL_CONST kJacobiGroupSize = 8;       // lanes on software devices, whose vectors are that wide
+FAROL_CONST kJacobiWideGroupSize = 32;  // lanes elsewhere
+
 FAROL_CONST kNoCell = 0xFFFFFFFFu;  // FacetRecord::backCell of a facet whose back is black
 FAROL_CONST kBackBit = 0x80000000u;  // set in the view's facet ids where a back side is seen
 
@@ -121,10 +134,19 @@ struct ReducePush {
   uint pad1;
 };
 
+// Push constants of a Jacobi sweep (16 bytes).
+struct JacobiPush {
+  uint columns;   // a multiple of 32: padded with zeros
+  uint firstRow;  // of the block
+  uint sweep;     // whose change is told
+  uint pad0;
+};
+
 #ifdef __cplusplus
 static_assert(sizeof(FacetRecord) == 32 && sizeof(HemicubeFrame) == 64);
 static_assert(sizeof(ClusterRecord) == 48 && sizeof(FaceRecord) == 48 && sizeof(CullPush) == 16);
 static_assert(sizeof(ItemPush) == 80 && sizeof(ViewPush) == 80 && sizeof(ReducePush) == 16);
+static_assert(sizeof(JacobiPush) == 16);
 }  // namespace farol::shader
 #endif
 #undef FAROL_CONST

@@ -64,7 +64,7 @@ MethodSpec parseMethod(const std::string& text) {
   } else {
     throw UsageError(
         "'{}' is not a method: raster:R[@DEVICE][,tetrahedron][,positions=P][,near-field=on|off], rays:K, exact, or a "
-        "file of factors (.npz, .npy)",
+        "file of factors (.npz, .npy); gpu and cpu compare the solve",
         text);
   }
   for (size_t k = 1; k < parts.size(); ++k) {

@@ -102,6 +102,9 @@ void addSolve(CLI::App* app, Options& o, RawOptions& raw) {
   app->add_option("--solver", raw.solver, "gauss-seidel or jacobi")
       ->check(CLI::IsMember({"gauss-seidel", "jacobi"}))
       ->group("Solution");
+  app->add_option("--solve-on", o.solveOn, "cpu, or gpu: Jacobi sweeps on the Vulkan device; auto measures")
+      ->check(CLI::IsMember({"auto", "cpu", "gpu"}))
+      ->group("Solution");
   app->add_option("--residual", o.residual, "Stop at this error of B, relative to the mean of non-emitters")
       ->check(inRange<double>(1e-14, 1))
       ->group("Solution");
@@ -112,6 +115,8 @@ void addSolve(CLI::App* app, Options& o, RawOptions& raw) {
       ->check(CLI::IsMember({"global", "local"}))
       ->group("Solution");
   app->add_option("--patches-csv", o.patchesCsv, "Write a line per patch")->group("Results");
+  app->add_option("--variants", o.variants, "JSON list of lightings on one F: emission and diffuse by material name")
+      ->group("Light");
   auto* sensors = app->add_option("--sensors", o.sensors,
                                   "Points to read irradiance at: lines x,y,z,nx,ny,nz or "
                                   "grid,x,y,z,ux,uy,uz,vx,vy,vz,nu,nv");
@@ -276,7 +281,7 @@ Options parseOptions(int argc, char** argv, bool& handled) {
   factors->add_option("--by", o.by, "surface or patch; default: surface for .csv, patch otherwise")
       ->check(CLI::IsMember({"surface", "patch"}))
       ->group("Results");
-  const char* methodHelp = "raster:R[@DEVICE][,tetrahedron][,positions=P][,near-field=off], rays:K, exact, or F.npz, F.npy";
+  const char* methodHelp = "raster:R[@DEVICE][,tetrahedron][,positions=P][,near-field=off], rays:K, exact, F.npz, F.npy; or gpu and cpu";
   compare->add_option("A", o.methodA, methodHelp)->required();
   compare->add_option("B", o.methodB, methodHelp)->required();
   compare->add_option("-o,--output", o.output, "Picture of where they differ: .png")->group("Results");
@@ -314,12 +319,16 @@ Options parseOptions(int argc, char** argv, bool& handled) {
     const CLI::Option* option = chosen->get_option_no_throw(name);
     o.patchesAsked |= option != nullptr && option->count() > 0;
   }
+  if (const CLI::Option* solver = chosen->get_option_no_throw("--solver")) o.solverAsked = solver->count() > 0;
   o.projection = kProjections.at(raw.projection);
   o.solver = kSolvers.at(raw.solver);
+  if (o.solveOn == "gpu" && o.solverAsked && o.solver != SolverKind::jacobi)
+    throw UsageError("--solve-on gpu: sweeps on a device are Jacobi's; leave --solver {} out", raw.solver);
   o.localIllumination = raw.illumination == "local";
   o.sky = parseSky(raw.sky);
   o.nearField = raw.nearField == "on";
   o.emittersApart = raw.emitters == "apart";
+  if (!o.variants.empty() && o.localIllumination) throw UsageError("--variants are for --illumination global");
   if (!o.sensors.empty() && o.sensorsOut.empty()) {
     const std::string ending = endingOf(o.sensors);
     o.sensorsOut = o.sensors.substr(0, o.sensors.size() - ending.size()) + ".out.csv";
@@ -368,7 +377,9 @@ std::string explicitCommand(const Options& o, const MethodSpec& method) {
     add("--shadow-rays", o.shadowRays);
   }
   if (o.command == Command::render || o.command == Command::solve) {
-    add("--solver", solverName(o.solver));
+    if (o.solveOn != "gpu") add("--solver", solverName(o.solver));
+    add("--solve-on", o.solveOn);
+    if (!o.variants.empty()) add("--variants", o.variants);
     add("--residual", o.residual);
     add("--max-sweeps", o.maxSweeps);
     add("--illumination", o.localIllumination ? "local" : "global");

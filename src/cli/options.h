@@ -52,9 +52,12 @@ struct Options {
   bool emittersApart = true;
   uint32_t shadowRays = 64;
   SolverKind solver = SolverKind::gaussSeidel;
+  bool solverAsked = false;  // it was given
+  std::string solveOn = "auto";
   double residual = 1e-5;
   size_t maxSweeps = 100000;
   bool localIllumination = false;
+  std::string variants;  // a file of lightings; empty: the scene's own
 
   // picture
   std::string camera;

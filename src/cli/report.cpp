@@ -30,6 +30,8 @@ json optionsOf(const Options& o) {
           {"factors", o.factors},
           {"sky", channels(o.sky)},
           {"solver", solverName(o.solver)},
+          {"solve_on", o.solveOn},
+          {"variants", o.variants},
           {"residual", o.residual},
           {"max_sweeps", o.maxSweeps},
           {"illumination", o.localIllumination ? "local" : "global"},
@@ -126,6 +128,13 @@ void writeReport(const std::string& path, const Report& r) {
                   {"shadow_rays", r.shadowRays}};
   }
   j["matrix_bytes"] = r.matrixBytes;
+  if (!r.storageWhy.empty()) {
+    j["storage"] = {{"rows_float32", r.denseRows},
+                    {"rows_16_bit", r.packedRows},
+                    {"rows_as_lists", r.checks ? r.patches - r.denseRows - r.packedRows : 0},
+                    {"row_l1_error_by_16_bit", r.packingError},
+                    {"why", r.storageWhy}};
+  }
   if (r.checks) {
     const FormFactorChecks& c = *r.checks;
     j["row_sums"] = {{"min", c.rowSumMin}, {"mean", c.rowSumMean}, {"max", c.rowSumMax}};
@@ -142,11 +151,24 @@ void writeReport(const std::string& path, const Report& r) {
   }
   if (r.solution) {
     const Solution& s = *r.solution;
-    j["solve"] = {{"sweeps", s.sweeps},
+    j["solve"] = {{"on", r.solveOn},
+                  {"why", r.solveOnWhy},
+                  {"reflectance_times_row_sum", s.bound},
+                  {"history", s.history},
+                  {"sweeps", s.sweeps},
                   {"residual", s.residual},
                   {"contraction", s.contraction},
                   {"error", s.error},
                   {"converged", s.converged}};
+  }
+  for (const VariantReport& v : r.variants) {
+    j["variants"].push_back({{"name", v.name},
+                             {"unit_solutions", v.units},
+                             {"sweeps", v.sweeps},
+                             {"converged", v.converged},
+                             {"estimated_error", v.estimatedError},
+                             {"power_in", v.emitted},
+                             {"energy_error", v.energyError}});
   }
   if (r.energy) {
     const EnergyBalance& e = *r.energy;
@@ -157,6 +179,14 @@ void writeReport(const std::string& path, const Report& r) {
   }
   j["estimated_error"] = r.estimatedError ? json(*r.estimatedError) : json(nullptr);
   if (r.sensors > 0) j["sensors"] = r.sensors;
+  if (r.solverComparison) {
+    const SolverComparison& c = *r.solverComparison;
+    json& to = j["solver_comparison"] = {{"largest", c.largest}, {"rms", c.rms}};
+    for (const SolverComparison::Side& side : c.sides) {
+      to["sides"].push_back(
+          {{"device", side.device}, {"seconds", side.seconds}, {"sweeps", side.sweeps}, {"error", side.error}});
+    }
+  }
   if (r.comparison) j["comparison"] = comparisonOf(*r.comparison);
   if (r.displayScale) j["display_scale"] = *r.displayScale;
   j["stages"] = json::array();

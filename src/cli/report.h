@@ -22,6 +22,27 @@ struct ComparisonReport {
   std::vector<std::string> worst;  // surfaces: of the worst row, of what A sees most more and most less of
 };
 
+// The same system solved twice.
+struct SolverComparison {
+  std::string a, b;
+  struct Side {
+    std::string device;
+    double seconds = 0;
+    size_t sweeps = 0;
+    double error = 0;  // of B that the residual bounds, of its mean
+  };
+  std::array<Side, 2> sides;
+  double largest = 0, rms = 0;  // difference of B: of a patch's own B; of the mean
+};
+
+struct VariantReport {
+  std::string name;
+  size_t units = 0;  // unit solutions it was combined from; 0: solved
+  size_t sweeps = 0;
+  bool converged = true;
+  double estimatedError = 0, energyError = 0, emitted = 0;  // of H and of the balance, relative; luminance of power in
+};
+
 struct Report {
   Options options;
   MethodSpec method;  // the one chosen
@@ -32,6 +53,11 @@ struct Report {
   double area = 0;  // of all patches [scene units squared]
   size_t degenerate = 0, duplicate = 0, welded = 0;
   uint64_t matrixBytes = 0;  // of F
+  size_t denseRows = 0, packedRows = 0;  // in float32 and in 16 bits; the others are lists
+  double packingError = 0;               // L1 error that 16 bits added to a row, at most
+  std::string storageWhy;
+  std::string solveOn, solveOnWhy;
+  std::vector<VariantReport> variants;
   size_t devices = 1;        // software devices that shared the rows
   uint32_t batch = 0;        // hemicubes per submission
   uint64_t deviceBytes = 0;  // device memory for batches
@@ -43,6 +69,7 @@ struct Report {
   size_t shadowRays = 0, sensors = 0;
   std::optional<double> estimatedError;  // of H, rms relative to its mean
   std::optional<ComparisonReport> comparison;
+  std::optional<SolverComparison> solverComparison;
   std::optional<Solution> solution;  // figures only: without the vectors
   std::optional<EnergyBalance> energy;
   std::optional<double> displayScale;

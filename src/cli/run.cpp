@@ -2,14 +2,14 @@
 
 #include "base/error.h"
 #include "base/output_file.h"
+#include "cli/choices.h"
 #include "cli/comparison_text.h"
-#include "cli/methods.h"
 #include "cli/report.h"
+#include "cli/variants.h"
 #include "formfactor/near_field.h"
 #include "output/factor_archive.h"
 #include "output/output.h"
 #include "output/sensor_files.h"
-#include "solve/irradiance_error.h"
 #include "view/tone.h"
 #include "view/view.h"
 
@@ -28,7 +28,11 @@ constexpr size_t kProbes = 24;  // rows made better to tell how good the others 
 class Run {
  public:
   explicit Run(const Options& options)
-      : options_(options), log_(options.quiet), methods_(options_, facets_, patches_, log_) {
+      : options_(options),
+        log_(options.quiet),
+        methods_(options_, facets_, patches_, log_),
+        situation_{options_, scene_, facets_, patches_, methods_},
+        lightings_(options_, facets_, methods_, log_) {
     report_.options = options;
   }
 
@@ -43,7 +47,6 @@ class Run {
     switch (options_.command) {
       case Command::info:
         chooseMethod();
-        planLight();
         forecast();
         break;
       case Command::compare:
@@ -57,21 +60,19 @@ class Run {
       default:
         if (needsFormFactors()) {
           if (kept_) {
-            planLight();
             loadF();
           } else {
             chooseMethod();
-            planLight();
             makeF();
           }
-          makeDirect();
+          chooseSolvePlace();
         }
-        solve();
-        readSensorsHere();
-        if (options_.command == Command::render)
-          draw();
-        else
-          writeSolved();
+        if (variants_.empty()) {
+          light();
+          writeResults();
+        } else {
+          solveVariants();
+        }
     }
     return finish();
   }
@@ -83,6 +84,7 @@ class Run {
     for (const Surface& s : scene_.surfaces) report_.triangles += s.triangles.size();
     if (options_.command == Command::render || (options_.command == Command::compare && !options_.output.empty()))
       camera_ = chooseCamera(scene_, options_.camera);
+    if (!options_.variants.empty()) variants_ = loadVariants(options_.variants, scene_);
     report_.clock.finish("load");
   }
 
@@ -153,151 +155,38 @@ class Run {
   }
 
   bool needsFormFactors() {
+    if (!variants_.empty()) return true;
     if (!lit()) log_.warn(fmt::format("{}: nothing emits light, so the result is black", options_.scene));
     return lit() && !options_.localIllumination;
   }
 
-  MethodSpec specOf(MethodSpec::Kind kind) const {
-    return {kind,           options_.resolution, options_.projection, options_.positions, options_.nearField, "",
-            raysOf(options_), options_.seed};
-  }
-
-  // What `auto` means: closed forms where nothing can block and they cost little; rays, unless there is a GPU: then
-  // both make some rows and rays must lead by 20 %.
   void chooseMethod() {
-    using Kind = MethodSpec::Kind;
-    if (options_.method == "exact") {
-      const std::string blocker = whatMayBlock(scene_, facets_);
-      if (!blocker.empty()) {
-        throw Error("{}: closed forms hold only where nothing can block: {}; use --method rays or raster",
-                    options_.scene, blocker);
-      }
-    }
-    if (options_.method != "auto") {
-      report_.why = "asked for";
-      spec_ = specOf(options_.method == "raster" ? Kind::raster
-                     : options_.method == "rays" ? Kind::rays
-                                                 : Kind::exact);
-      return;
-    }
-    constexpr double kSecondsPerPair = 6e-7, kExactSeconds = 5;
-    const double n = static_cast<double>(patches_.frontPatchCount);
-    if (options_.command == Command::factors && options_.rays == 0 &&
-        n * n * kSecondsPerPair / static_cast<double>(coresFor(options_)) < kExactSeconds &&
-        whatMayBlock(scene_, facets_).empty()) {
-      spec_ = specOf(Kind::exact);
-      report_.why = "nothing in the scene can block, and closed forms of all pairs cost little";
-      return;
-    }
-    spec_ = specOf(Kind::rays);
-    report_.why = "no GPU: a software device is slower than rays";
-    // Looking for a GPU takes longer than many a scene's rays.
-    constexpr double kSecondsPerRay = 3e-8, kWorthLooking = 1;
-    if (n * raysOf(options_) * kSecondsPerRay / static_cast<double>(coresFor(options_)) < kWorthLooking) {
-      report_.why = "rays take less time than looking for a GPU";
-      return;
-    }
-    for (const gpu::DeviceInfo& d : usableDevices()) {
-      if (d.type == "CPU") continue;
-      const double rays = rowsPerSecond(specOf(Kind::rays)), raster = rowsPerSecond(specOf(Kind::raster));
-      // At equal row errors: hemicubes 0.31 s^-0.57, rays 0.38 s^-0.6 (s samples per visible patch).
-      const double pixels = 3.0 * options_.resolution * options_.resolution;
-      const double worth = std::pow(0.31 / 0.38, 2) * std::pow(pixels, -1.14) / std::pow(raysOf(options_), -1.2);
-      const bool raysLead = rays > 1.2 * raster / worth;
-      if (!raysLead) spec_ = specOf(Kind::raster);
-      report_.why = fmt::format("measured on {}: {:.0f} rows/s by raster, {:.0f} by rays; equal errors cost {:.2g} times", d.name, raster, rays, raster / worth / rays);
-      break;
-    }
+    const MethodChoice choice = farol::chooseMethod(situation_);
+    spec_ = choice.spec;
+    report_.why = choice.why;
   }
 
-  static std::vector<gpu::DeviceInfo> usableDevices() {
-    try {
-      std::vector<gpu::DeviceInfo> all = gpu::listDevices();
-      std::erase_if(all, [](const gpu::DeviceInfo& d) { return !d.refusal.empty(); });
-      return all;
-    } catch (const Error&) {  // no Vulkan here: rays need none
-      return {};
-    }
-  }
-
-  // Rows spread over the scene: neighbours would all be as cheap or as dear as their wall.
-  double rowsPerSecond(const MethodSpec& spec, double seconds = 0.1) {
-    const std::unique_ptr<RowMaker> maker = methods_.maker(spec);
-    FormFactorMatrix warmUp(patches_.size());  // the first rows wait for a driver to compile shaders
-    maker->makeRows(std::vector<uint32_t>{0}, warmUp, [](size_t) {});
-    const size_t chunk = std::max<size_t>(32, methods_.softwareDevices * methods_.batch);
-    size_t rows = 0;
-    const Stopwatch watch;
-    while (rows < patches_.frontPatchCount && watch.seconds() < seconds) {
-      std::vector<uint32_t> probe;
-      for (size_t k = 0; k < chunk && rows < patches_.frontPatchCount; ++k, ++rows)
-        probe.push_back(static_cast<uint32_t>(rows * 7919 % patches_.frontPatchCount));
-      FormFactorMatrix store(patches_.size());
-      maker->makeRows(probe, store, [](size_t) {});
-    }
-    return static_cast<double>(rows) / watch.seconds();
-  }
-
-  void planLight() {
-    plan_.apart.assign(patches_.size(), 0);
-    plan_.why = "asked for";
-    if (options_.emittersApart) {
-      LampBudget budget;
-      budget.shadowRays = options_.shadowRays;
-      budget.samplesPerRow = samplesOf(*spec_);
-      budget.secondsPerRow = spec_->kind == MethodSpec::Kind::rays ? 3e-8 * budget.samplesPerRow : 2e-4;
-      plan_ = chooseLamps(facets_, patches_, budget);
-    }
-    report_.lamps = plan_.lamps.size();
-    report_.emitters = plan_.emitters;
-    report_.lampsWhy = plan_.why;
-    if (report_.emittingPatches > 0) say("emitters: {}", plan_.why);
-    report_.clock.finish("plan");
-  }
-
-  // Samples of the hemisphere per row, for laws of error.
-  static double samplesOf(const MethodSpec& s) {
-    if (s.kind == MethodSpec::Kind::rays) return s.rays;
-    if (s.kind == MethodSpec::Kind::exact) return 1e12;
-    return (s.projection == Projection::hemicube ? 3.0 : 1.5) * s.resolution * s.resolution * s.positions;
-  }
-
-  uint64_t allowedBytes() const {
-    if (options_.memory > 0) return options_.memory;
-    const uint64_t free = availableMemoryBytes();
-    return free > 0 ? free / 5 * 4 : UINT64_MAX;
-  }
-
-  // Of one row: a list of hits where that is much shorter than a dense row.
-  uint64_t rowBytes(const MethodSpec& s) const {
-    return uint64_t{4} * (s.kind == MethodSpec::Kind::rays && 4 * uint64_t{s.rays} <= patches_.size() ? s.rays
-                                                                                                  : patches_.size());
-  }
-
-  void requireMemory(const MethodSpec& spec) const {
-    const uint64_t least = rowBytes(spec) * patches_.frontPatchCount, allowed = allowedBytes();
-    if (least > allowed) {
-      throw Error(
-          "{}: form factors of {} patches need {:.3g} GB, {:.3g} GB are allowed; ask for fewer patches (--patches), or "
-          "allow more with --memory",
-          options_.scene, patches_.size(), static_cast<double>(least) * 1e-9, static_cast<double>(allowed) * 1e-9);
-    }
+  void chooseSolvePlace() {
+    const PlaceChoice choice = farol::chooseSolvePlace(situation_, *f_);
+    if (choice.onDevice) solveDevice_ = &methods_.device();
+    report_.solveOn = choice.onDevice ? methods_.device().info().name : "CPU";
+    report_.solveOnWhy = choice.why;
   }
 
   void makeF() {
-    requireMemory(*spec_);
+    const StorageChoice storage = chooseStorage(situation_, *spec_);
+    report_.storageWhy = storage.why;
     if (spec_->kind == MethodSpec::Kind::raster) {
       methods_.device();
       report_.clock.finish("device");
     }
-    f_.emplace(patches_.size(), allowedBytes());
+    f_.emplace(patches_.size(), allowedBytes(options_), storage.storage);
     const std::unique_ptr<RowMaker> maker = methods_.maker(*spec_);
-    // A kept F may be lit from anywhere: it has a row for every patch.
-    const bool all = maxChannel(options_.sky) > 0 || options_.output.ends_with(".npz");
-    const std::vector<uint32_t> kept = makeFormFactors(*maker, patches_, all, log_, *f_);
-    if (!kept.empty() && !plan_.apart.empty()) plan_.keep(kept);
+    // A kept F, or one for many lightings, may be lit from anywhere: it has a row for every patch.
+    const bool all = maxChannel(options_.sky) > 0 || options_.output.ends_with(".npz") || !variants_.empty();
+    makeFormFactors(*maker, patches_, all, log_, *f_);
     countPatches();
-    report_.matrixBytes = f_->bytes();
+    reportStorage();
     report_.clock.finish("form factors");
     model_ = fitErrorModel(*f_, patches_, makeProbes(*spec_, *f_, kProbes), samplesOf(*spec_));
     replicateRows();
@@ -319,12 +208,24 @@ class Run {
         methodText(*spec_), patches_.size(), seconds, static_cast<double>(patches_.size()) / seconds,
         report_.checks->rowSumMin, report_.checks->rowSumMax, 100 * report_.checks->missed,
         100 * report_.checks->backs, report_.rowErrorMean);
+    if (f_->packedRows() > 0) {
+      say("storage: {} of {} rows in 16 bits ({}), L1 error of a row at most {:.2g} by it", f_->packedRows(), f_->size(),
+          storage.why, f_->packingError());
+    }
+  }
+
+  void reportStorage() {
+    report_.matrixBytes = f_->bytes();
+    report_.denseRows = f_->denseRows();
+    report_.packedRows = f_->packedRows();
+    report_.packingError = f_->packingError();
   }
 
   // F as it was kept. How good its rows are was told when they were made.
   void loadF() {
-    f_.emplace(kept_->load(patches_.size(), allowedBytes()));
-    report_.matrixBytes = f_->bytes();
+    f_.emplace(kept_->load(patches_.size(), allowedBytes(options_)));
+    report_.storageWhy = "as kept";
+    reportStorage();
     report_.clock.finish("form factors");
     replicateRows();
     report_.checks = checkFormFactors(*f_, patches_);
@@ -408,49 +309,19 @@ class Run {
     }
   }
 
-  std::vector<double> exposedShares() const {
-    std::vector<double> shares(patches_.size());
-    for (size_t i = 0; i < shares.size(); ++i) shares[i] = f_->shares(i).exposed;
-    return shares;
-  }
-
-  DirectIrradiance lampsAndLights(uint64_t seed) {
-    return {methods_.tracer(), facets_, patches_, plan_.lamps, scene_.lights, {options_.shadowRays, seed}};
-  }
-
-  void makeDirect() {
-    if (plan_.lamps.empty() && scene_.lights.empty()) return;
-    const std::vector<double> exposed = exposedShares();
-    direct_ = lampsAndLights(options_.seed).compute(exposed);
-    direct_.apart = plan_.apart;
-    report_.shadowRays = direct_.rays;
-    replicates_.direct = lampsAndLights(mixBits(options_.seed + 1)).compute(exposed, replicates_.patches);
-    if (!scene_.lights.empty()) {
-      fromPunctual_ = DirectIrradiance(methods_.tracer(), facets_, patches_, {}, scene_.lights,
-                                       {options_.shadowRays, options_.seed})
-                          .compute(exposed)
-                          .irradiance;
-    }
-    report_.clock.finish("direct light");
-  }
-
-  void solve() {
-    SolveOptions o;
-    o.kind = options_.solver;
-    o.residual = options_.residual;
-    o.maxSweeps = options_.maxSweeps;
-    o.sky = options_.sky;
+  // Light the scene as it stands.
+  void light() {
     if (f_) {
-      solution_ = solveRadiosity(*f_, patches_, direct_, scene_, o, log_);
-      report_.energy = energyBalance(*f_, patches_, solution_, options_.sky, fromPunctual_);
-      error_ = irradianceError(*f_, patches_, direct_, solution_, replicates_, samplesOf(*spec_), options_.sky);
-      report_.estimatedError = relativeError();
+      lighting_ = lightings_.make(scene_, patches_, options_.sky, *f_, *spec_, replicates_, solveDevice_);
+      report_.lamps = lighting_.plan.lamps.size();
+      report_.emitters = lighting_.plan.emitters;
+      report_.lampsWhy = lighting_.plan.why;
+      report_.shadowRays = lighting_.direct.rays;
+      warnOfSlowLight();
     } else {
-      solution_ = localIllumination(patches_, scene_.lights, options_.sky);
+      lighting_ = lightings_.local(scene_, patches_);
     }
-    report_.solution = solution_;
-    report_.solution->radiosity.clear();
-    report_.solution->irradiance.clear();
+    reportSolution();
     report_.clock.finish("solve");
     if (!f_) {
       say("{}", options_.localIllumination && lit()
@@ -458,29 +329,99 @@ class Run {
                     : "nothing to solve: black");
       return;
     }
+    if (report_.emittingPatches > 0) say("emitters: {}", lighting_.plan.why);
     say("light: {} of {} lamps apart, {} punctual lights, {} shadow rays; error of H {:.2g} of its mean (rms, estimated)",
         report_.lamps, report_.emitters, scene_.lights.size(), report_.shadowRays, *report_.estimatedError);
-    say("solve: {} {} sweeps, residual {:.3g}, contraction {:.4f}, error of B {:.2g} of its mean: {}",
-        solverName(options_.solver), solution_.sweeps, solution_.residual, solution_.contraction, solution_.error,
-        solution_.converged ? "converged" : "NOT converged");
+    const Solution& s = lighting_.solution;
+    say("solve: {} on {} ({}): {} sweeps, residual {:.3g}, contraction {:.4f}, error of B {:.2g} of its mean: {}",
+        solveDevice_ != nullptr ? "jacobi" : solverName(options_.solver), report_.solveOn, report_.solveOnWhy, s.sweeps,
+        s.residual, s.contraction, s.error, s.converged ? "converged" : "NOT converged");
     const EnergyBalance& e = *report_.energy;
     const double in = luminance(e.emitted + e.fromSky + e.fromPunctual);
     say("energy: {:.4g} in, {:.4g} absorbed, {:.4g} to the open, {:.4g} to backs (balance within {:.2g} %)", in,
         luminance(e.absorbed), luminance(e.toOpen), luminance(e.toBacks), 100 * e.relativeError);
   }
 
-  // Root of the area-weighted mean square of err, over the mean of H.
-  double relativeError() const {
-    double squares = 0, area = 0;
-    Rgb total(0);
-    for (size_t i = 0; i < patches_.size(); ++i) {
-      const double a = patches_.patches[i].area * f_->shares(i).exposed;
-      squares += a * error_[i] * error_[i];
-      total += a * solution_.irradiance[i];
-      area += a;
+  // Of the lighting at hand.
+  void reportSolution() {
+    report_.solution = lighting_.solution;
+    report_.solution->radiosity.clear();
+    report_.solution->irradiance.clear();
+    if (!f_) return;
+    report_.energy = energyBalance(*f_, patches_, lighting_.solution, options_.sky, lighting_.fromPunctual);
+    report_.estimatedError = relativeError(*f_, patches_, lighting_);
+  }
+
+  // What little is absorbed decides the solution: errors of F are multiplied.
+  void warnOfSlowLight() {
+    constexpr double kRoom = 0.02;
+    const double bound = lighting_.solution.bound;
+    if (bound > 1 - kRoom && bound < 1) {
+      log_.warn(fmt::format("reflectance times row sum reaches {:.4f}: light is reflected {:.0f} times on average there, and "
+                            "so often errors of F come back",
+                            bound, 1 / (1 - bound)));
     }
-    const double mean = area > 0 ? maxChannel(total) / area : 0;
-    return mean > 0 ? std::sqrt(squares / area) / mean : 0;
+  }
+
+  // The scene as the variant has it; patches keep their places.
+  void change(const Scene& base, const Variant& variant) {
+    scene_ = changed(base, variant);
+    patches_ = buildPatches(scene_, facets_, {options_.patches, options_.patchSize});
+  }
+
+  void solveVariants() {
+    const Scene base = scene_;
+    const Options options = options_;
+    std::vector<UnitLighting> units = unitLightings(base, variants_);
+    const auto alike = static_cast<size_t>(std::count_if(variants_.begin(), variants_.end(), [](const Variant& v) { return v.emissionOnly(); }));
+    if (units.size() >= alike) units.clear();  // not worth it
+    std::vector<Lighting> made;
+    for (const UnitLighting& unit : units) {
+      const PatchSet patches = buildPatches(unit.scene, facets_, {options_.patches, options_.patchSize});
+      made.push_back(lightings_.make(unit.scene, patches, unit.material ? Rgb(0) : options_.sky, *f_, *spec_, replicates_, solveDevice_));
+    }
+    report_.clock.finish("unit solutions");
+    bool converged = true;
+    for (const Variant& variant : variants_) {
+      change(base, variant);
+      lighting_ = {};
+      const bool combined = variant.emissionOnly() && !units.empty();
+      if (combined) {
+        for (size_t k = 0; k < units.size(); ++k) {
+          const Rgb factor = factorOf(units[k], variant, base);
+          if (maxChannel(factor) > 0) add(lighting_, made[k], factor);
+        }
+        if (lighting_.solution.irradiance.empty()) add(lighting_, made.back(), Rgb(0));
+      } else {
+        lighting_ = lightings_.make(scene_, patches_, options_.sky, *f_, *spec_, replicates_, solveDevice_);
+      }
+      reportSolution();
+      converged &= lighting_.solution.converged;
+      report_.variants.push_back({variant.name, combined ? units.size() : 0, lighting_.solution.sweeps,
+                                  lighting_.solution.converged, *report_.estimatedError, report_.energy->relativeError,
+                                  luminance(report_.energy->emitted + report_.energy->fromSky + report_.energy->fromPunctual)});
+      report_.clock.finish("variants");
+      for (std::string Options::*path : {&Options::output, &Options::patchesCsv, &Options::sensorsOut})
+        options_.*path = variantPath(options.*path, variant);
+      const bool quiet = options_.quiet;
+      options_.quiet = true;  // one line per variant is enough
+      writeResults();
+      options_.quiet = quiet;
+      say("variant '{}': {}, error of H {:.2g} of its mean (estimated), energy within {:.2g} %", variant.name,
+          combined ? fmt::format("from {} unit solutions", units.size())
+                   : fmt::format("solved in {} sweeps", lighting_.solution.sweeps),
+          *report_.estimatedError, 100 * report_.energy->relativeError);
+    }
+    options_ = options;
+    report_.solution->converged = converged;
+  }
+
+  void writeResults() {
+    readSensorsHere();
+    if (options_.command == Command::render)
+      draw();
+    else
+      writeSolved();
   }
 
   void readSensorsHere() {
@@ -489,8 +430,9 @@ class Run {
     SensorOptions o;
     o.seed = options_.seed;
     o.sky = options_.sky;
-    const auto readings = readSensors(methods_.tracer(), facets_, patches_, lampsAndLights(options_.seed), direct_,
-                                      solution_, sensors_, o);
+    const auto readings =
+        readSensors(methods_.tracer(), facets_, patches_, lightings_.lamps(lighting_.plan, scene_, patches_, options_.seed),
+                    lighting_.direct, lighting_.solution, sensors_, o);
     writeSensorReadings(options_.sensorsOut, sensors_, readings);
     double low = 1e300, high = 0, mean = 0;
     for (const SensorReading& r : readings) {
@@ -518,14 +460,14 @@ class Run {
     if (path.ends_with(".npy")) return loadFactorsNpy(path, patches_.size());
     const FactorArchive archive(path);
     archive.requireSame(fingerprintOf(facets_, patches_), options_.scene);
-    return archive.load(patches_.size(), allowedBytes() / 2);
+    return archive.load(patches_.size(), allowedBytes(options_) / 2);
   }
 
   Side makeSide(const std::string& text, std::optional<MethodSpec> spec) {
     const Stopwatch watch;
     if (!spec) return {text, loadFile(text), {}, watch.seconds()};
-    requireMemory(*spec);
-    Side side{methodText(*spec), FormFactorMatrix(patches_.size(), allowedBytes() / 2), {}, 0};
+    chooseStorage(situation_, *spec);
+    Side side{methodText(*spec), FormFactorMatrix(patches_.size(), allowedBytes(options_) / 2), {}, 0};
     const std::unique_ptr<RowMaker> maker = methods_.maker(*spec);
     // Every patch has a row on both sides, whatever each method sees; beside a file the patches that the file has.
     makeFormFactors(*maker, patches_, !isFile(options_.methodA) && !isFile(options_.methodB), log_, side.f);
@@ -536,7 +478,49 @@ class Run {
     return side;
   }
 
+  static bool isSolver(const std::string& text) { return text == "gpu" || text == "cpu"; }
+
+  // The same rows and lamps solved on the CPU and on the device.
+  void compareSolvers() {
+    if (!isSolver(options_.methodA) || !isSolver(options_.methodB))
+      throw UsageError("compare {} {}: gpu and cpu are compared with each other only", options_.methodA, options_.methodB);
+    if (!lit()) throw Error("{}: nothing emits light: there is nothing to solve", options_.scene);
+    chooseMethod();
+    makeF();
+    SolverComparison c;
+    c.a = options_.methodA;
+    c.b = options_.methodB;
+    std::array<Solution, 2> solutions;
+    for (const size_t side : {size_t{0}, size_t{1}}) {
+      const bool onDevice = (side == 0 ? c.a : c.b) == "gpu";
+      Replicates none;
+      const gpu::Device* device = onDevice ? &methods_.device() : nullptr;
+      const Stopwatch watch;
+      solutions[side] = lightings_.make(scene_, patches_, options_.sky, *f_, *spec_, none, device).solution;
+      c.sides[side] = {onDevice ? device->info().name : "CPU", watch.seconds(), solutions[side].sweeps, solutions[side].error};
+    }
+    Rgb squares(0), total(0);
+    for (size_t i = 0; i < patches_.size(); ++i) {
+      const Rgb &x = solutions[0].radiosity[i], &y = solutions[1].radiosity[i];
+      const double area = patches_.patches[i].area;
+      squares += area * (x - y) * (x - y);
+      total += area * 0.5 * (x + y);
+      for (int k = 0; k < 3; ++k) {
+        if (x[k] > 0) c.largest = std::max(c.largest, std::abs(x[k] - y[k]) / x[k]);
+      }
+    }
+    for (int k = 0; k < 3; ++k) {
+      if (total[k] > 0) c.rms = std::max(c.rms, std::sqrt(squares[k] * report_.area) / total[k]);
+    }
+    report_.solverComparison = c;
+    report_.clock.finish("compare");
+    for (const SolverComparison::Side& side : c.sides)
+      say("{:<32} {:.3g} s, {} sweeps, error of B {:.2g} of its mean", side.device, side.seconds, side.sweeps, side.error);
+    say("difference of B: {:.3g} of a patch's own B at most, {:.3g} of the mean (rms)", c.largest, c.rms);
+  }
+
   void compare() {
+    if (isSolver(options_.methodA) || isSolver(options_.methodB)) return compareSolvers();
     const auto specOf = [&](const std::string& text) {
       if (isFile(text)) return std::optional<MethodSpec>();
       std::optional<MethodSpec> spec = parseMethod(text);
@@ -551,7 +535,7 @@ class Run {
     if (!specA && specB) b = makeSide(options_.methodB, specB);
     a = makeSide(options_.methodA, specA);
     if (!b) b = makeSide(options_.methodB, specB);
-    spec_ = specA ? specA : specB ? specB : std::optional(this->specOf(MethodSpec::Kind::rays));
+    spec_ = specA ? specA : specB ? specB : std::optional(specFrom(options_, MethodSpec::Kind::rays));
     report_.clock.finish("form factors");
     const Comparison c = compareFactors(a->f, a->error, b->f, b->error, patches_);
     const bool estimated = a->error.samples > 0 || b->error.samples > 0;
@@ -575,13 +559,12 @@ class Run {
   // Both solved with the same lamps: rms difference of H over the mean of H, worst channel; 0 without light.
   double radiosityChange(const FormFactorMatrix& a, const FormFactorMatrix& b) {
     if (!lit()) return 0;
-    planLight();
-    f_ = a;
-    makeDirect();
+    Replicates none;
+    const Lighting lit = lightings_.make(scene_, patches_, options_.sky, a, *spec_, none, nullptr);
     SolveOptions o;
     o.sky = options_.sky;
-    const Solution first = solveRadiosity(a, patches_, direct_, scene_, o, log_),
-                   second = solveRadiosity(b, patches_, direct_, scene_, o, log_);
+    const Solution& first = lit.solution;
+    const Solution second = solveRadiosity(b, patches_, lit.direct, scene_, o, log_);
     Rgb squares(0), total(0);
     for (size_t i = 0; i < patches_.size(); ++i) {
       const Rgb d = first.irradiance[i] - second.irradiance[i];
@@ -597,7 +580,7 @@ class Run {
 
   void drawDifference(const Comparison& c) {
     const std::vector<Rgb> colors = differenceColors(c);
-    solution_.irradiance.assign(patches_.size(), Rgb(0));
+    lighting_.solution.irradiance.assign(patches_.size(), Rgb(0));
     ViewOptions o;
     o.width = options_.width;
     o.height = options_.height;
@@ -610,7 +593,7 @@ class Run {
   }
 
   NodeIrradiance nodes() const {
-    return NodeIrradiance(scene_, facets_, patches_, f_ ? &*f_ : nullptr, solution_.irradiance);
+    return NodeIrradiance(scene_, facets_, patches_, f_ ? &*f_ : nullptr, lighting_.solution.irradiance);
   }
 
   void draw() {
@@ -649,7 +632,7 @@ class Run {
 
   void writePatches() const {
     if (options_.patchesCsv.empty()) return;
-    writePatchesCsv(options_.patchesCsv, scene_, patches_, f_ ? &*f_ : nullptr, solution_, error_);
+    writePatchesCsv(options_.patchesCsv, scene_, patches_, f_ ? &*f_ : nullptr, lighting_.solution, lighting_.error);
     say("patches: {}", options_.patchesCsv);
   }
 
@@ -682,10 +665,17 @@ class Run {
       say("{} vertices were moved to a neighbour within {:.3g} units", facets_.welded,
           kWeldTolerance * facets_.frame.size);
     say("method: {} ({})", methodText(*spec_), report_.why);
-    report_.matrixBytes = rowBytes(*spec_) * patches_.frontPatchCount;
-    say("form factors would take {:.4g} MB; {:.4g} MB are allowed", static_cast<double>(report_.matrixBytes) * 1e-6,
-        static_cast<double>(allowedBytes()) * 1e-6);
-    const double rate = rowsPerSecond(*spec_, kProbeSeconds);
+    const StorageChoice storage = chooseStorage(situation_, *spec_);
+    report_.matrixBytes = static_cast<uint64_t>(storage.bytes);
+    report_.storageWhy = storage.why;
+    say("form factors would take {:.4g} MB; {:.4g} MB are allowed ({})", storage.bytes * 1e-6,
+        static_cast<double>(allowedBytes(options_)) * 1e-6, storage.why);
+    const LampPlan plan = lightings_.plan(patches_, *spec_);
+    report_.lamps = plan.lamps.size();
+    report_.emitters = plan.emitters;
+    report_.lampsWhy = plan.why;
+    if (report_.emittingPatches > 0) say("emitters: {}", plan.why);
+    const double rate = rowsPerSecond(situation_, *spec_, kProbeSeconds);
     say("form factors would take {:.3g} s ({:.0f} rows/s measured)",
         static_cast<double>(patches_.frontPatchCount) / rate, rate);
     report_.clock.finish("probe");
@@ -717,16 +707,16 @@ class Run {
   FacetSet facets_;
   PatchSet patches_;
   Methods methods_;
+  Situation situation_;
+  LightingMaker lightings_;
+  std::vector<Variant> variants_;
   std::optional<FactorArchive> kept_;
   std::optional<MethodSpec> spec_;  // the method chosen
-  LampPlan plan_;
+  const gpu::Device* solveDevice_ = nullptr;  // null: the CPU
   std::optional<FormFactorMatrix> f_;
   Replicates replicates_;
   ErrorModel model_;
-  DirectLight direct_;
-  std::vector<Rgb> fromPunctual_;  // irradiance by punctual lights
-  Solution solution_;
-  std::vector<double> error_;  // of H per patch
+  Lighting lighting_;
   std::vector<Sensor> sensors_;
 };
 
@@ -757,8 +747,9 @@ int run(const Options& options) {
     limit.emplace(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(options.threads));
   }
   // Mesa's software device would take all cores for itself: each of a team gets its share. Other drivers ignore this.
-  setenv("LP_NUM_THREADS", std::to_string(std::max<size_t>(1, coresFor(options) / mostSoftwareDevices(options))).c_str(),
-         0);
+  const bool alone = options.solveOn == "gpu" || options.methodA == "gpu" || options.methodB == "gpu";
+  const size_t devices = alone ? 1 : mostSoftwareDevices(options);
+  setenv("LP_NUM_THREADS", std::to_string(std::max<size_t>(1, coresFor(options) / devices)).c_str(), 0);
   return Run(options).execute();
 }
 

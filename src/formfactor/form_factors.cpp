@@ -1,6 +1,7 @@
 #include "formfactor/form_factors.h"
 
 #include "base/error.h"
+#include "formfactor/packing.h"
 
 #include <algorithm>
 #include <atomic>
@@ -13,8 +14,10 @@ double FormFactorRow::at(size_t j) const {
   if (!dense.empty()) return static_cast<double>(dense[j]);
   if (!values.empty()) {
     const auto place = std::lower_bound(ids.begin(), ids.end(), j);
-    return place != ids.end() && *place == j ? static_cast<double>(values[static_cast<size_t>(place - ids.begin())]) : 0;
+    if (place != ids.end() && *place == j) return static_cast<double>(values[static_cast<size_t>(place - ids.begin())]);
   }
+  if (!steps.empty()) return steps[j] * static_cast<double>(weight);
+  if (!values.empty()) return 0;
   return static_cast<double>(weight) * static_cast<double>(std::count(ids.begin(), ids.end(), j));
 }
 
@@ -22,8 +25,9 @@ std::vector<float> FormFactorRow::expanded() const {
   std::vector<float> row(dense.begin(), dense.end());
   if (row.empty()) {
     row.resize(patches);
+    for (size_t j = 0; j < steps.size(); ++j) row[j] = static_cast<float>(steps[j]) * weight;
     for (size_t k = 0; k < values.size(); ++k) row[ids[k]] = values[k];
-    if (!values.empty()) return row;
+    if (!values.empty() || !steps.empty()) return row;
     std::vector<uint32_t> counts(patches + 1, 0);
     for (const uint32_t j : ids) ++counts[j];
     for (size_t j = 0; j < patches; ++j) row[j] = static_cast<float>(counts[j]) * weight;
@@ -52,7 +56,7 @@ void FormFactorMatrix::hits(uint32_t patch, std::span<const uint32_t> ids, float
   // A list costs a random access per hit where a dense row is read straight through: it must be much shorter.
   constexpr size_t kWorthAList = 4;
   if (kWorthAList * ids.size() > rows_.size()) {
-    const std::vector<float> dense = FormFactorRow{{}, ids, {}, weight, rows_.size()}.expanded();
+    const std::vector<float> dense = FormFactorRow{{}, {}, ids, {}, weight, rows_.size()}.expanded();
     const std::span<float> to = this->row(patch);
     std::copy(dense.begin(), dense.end(), to.begin());
     return;
@@ -62,10 +66,48 @@ void FormFactorMatrix::hits(uint32_t patch, std::span<const uint32_t> ids, float
   row.weight = weight;
 }
 
+// A list takes twice the bytes of dense entries, and a random access for each.
+constexpr size_t kWorthEntries = 3;
+
+void FormFactorMatrix::finish(uint32_t patch, const RowShares& shares) {
+  shares_[patch] = shares;
+  if (!rows_[patch].dense.empty()) pack(rows_[patch]);
+}
+
+void FormFactorMatrix::pack(Row& row) {
+  const size_t n = row.dense.size();
+  const size_t filled = n - static_cast<size_t>(std::count(row.dense.begin(), row.dense.end(), 0.0f));
+  if (kWorthEntries * filled <= n) {
+    row.ids.reserve(filled);
+    row.values.reserve(filled);
+    for (uint32_t j = 0; j < n; ++j) {
+      if (row.dense[j] == 0) continue;
+      row.ids.push_back(j);
+      row.values.push_back(row.dense[j]);
+    }
+  } else if (storage_ == Storage::bits16) {
+    PackedRow packed = packRow(row.dense);
+    row.steps = std::move(packed.steps);
+    row.ids = std::move(packed.ids);
+    row.values = std::move(packed.values);
+    row.weight = packed.step;
+    row.packingError = static_cast<float>(packed.error);
+  } else {
+    return;
+  }
+  row.dense = {};
+  const uint64_t bytes = row.steps.size() * sizeof(uint16_t) + row.ids.size() * (sizeof(uint32_t) + sizeof(float));
+  std::atomic_ref(bytes_) -= n * sizeof(float) - bytes;
+}
+
+double FormFactorMatrix::packingError() const {
+  double most = 0;
+  for (const Row& r : rows_) most = std::max(most, static_cast<double>(r.packingError));
+  return most;
+}
+
 void FormFactorMatrix::entries(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values) {
-  // An entry of a list takes twice the bytes of a dense one and a random access.
-  constexpr size_t kWorthAList = 3;
-  if (kWorthAList * ids.size() > rows_.size()) {
+  if (kWorthEntries * ids.size() > rows_.size()) {
     const std::span<float> to = this->row(patch);
     for (size_t k = 0; k < ids.size(); ++k) to[ids[k]] = values[k];
     return;
@@ -78,7 +120,10 @@ void FormFactorMatrix::entries(uint32_t patch, std::span<const uint32_t> ids, st
 
 double FormFactorMatrix::rowSum(size_t patch) const {
   const Row& r = rows_[patch];
-  if (!r.values.empty()) return std::accumulate(r.values.begin(), r.values.end(), 0.0);
+  if (!r.values.empty() || !r.steps.empty()) {
+    return static_cast<double>(r.weight) * static_cast<double>(std::accumulate(r.steps.begin(), r.steps.end(), uint64_t{0})) +
+           std::accumulate(r.values.begin(), r.values.end(), 0.0);
+  }
   if (!r.dense.empty()) return std::accumulate(r.dense.begin(), r.dense.end(), 0.0);
   const auto nothing = static_cast<uint32_t>(rows_.size());
   return static_cast<double>(r.weight) * static_cast<double>(std::count_if(
@@ -98,16 +143,21 @@ void FormFactorMatrix::keep(const std::vector<uint32_t>& patches) {
       row.dense.reserve(patches.size());
       for (const uint32_t q : patches) row.dense.push_back(rows_[p].dense[q]);
     }
+    if (!rows_[p].steps.empty()) {
+      row.steps.reserve(patches.size());
+      for (const uint32_t q : patches) row.steps.push_back(rows_[p].steps[q]);
+    }
     for (size_t k = 0; k < rows_[p].values.size(); ++k) {
       if (renumbered[rows_[p].ids[k]] == nothing) continue;
       row.ids.push_back(renumbered[rows_[p].ids[k]]);
       row.values.push_back(rows_[p].values[k]);
     }
-    if (rows_[p].values.empty()) {
+    if (rows_[p].values.empty() && rows_[p].steps.empty()) {
       row.ids = std::move(rows_[p].ids);
       for (uint32_t& j : row.ids) j = renumbered[j];
     }
     row.weight = rows_[p].weight;
+    row.packingError = rows_[p].packingError;
     rows_[p] = {};
     rows.push_back(std::move(row));
     shares.push_back(shares_[p]);

@@ -5,6 +5,7 @@
 #include "base/log.h"
 #include "patch/patches.h"
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <span>
@@ -30,22 +31,26 @@ class RowStore {
   virtual void finish(uint32_t patch, const RowShares& shares) = 0;
 };
 
-// One row as it is kept: dense; a list of ids that each add `weight` to their entry; or a list of ids, ascending, with
-// their entries.
+// One row as it is kept: dense; a list of ids that each add `weight` to their entry; a list of ids, ascending, with
+// their entries; or in 16 bits: steps of `weight`, and such a list of the largest entries beside them (packing.h).
 struct FormFactorRow {
-  std::span<const float> dense;  // [patches]
+  std::span<const float> dense;     // [patches]
+  std::span<const uint16_t> steps;  // [patches]
   std::span<const uint32_t> ids;
   std::span<const float> values;  // [ids], or empty: `weight` each
   float weight = 0;
   size_t patches = 0;
 
-  bool made() const { return !dense.empty() || !ids.empty(); }
+  bool made() const { return !dense.empty() || !steps.empty() || !ids.empty(); }
 
   // Calls `use(j, value)` for parts of entries that are not 0: an entry of a list may come in several parts.
   template <typename Use>
   void forEach(Use&& use) const {
     for (size_t j = 0; j < dense.size(); ++j) {
       if (dense[j] != 0) use(j, static_cast<double>(dense[j]));
+    }
+    for (size_t j = 0; j < steps.size(); ++j) {
+      if (steps[j] != 0) use(j, steps[j] * static_cast<double>(weight));
     }
     for (size_t k = 0; k < ids.size(); ++k) {
       if (ids[k] < patches) use(size_t{ids[k]}, static_cast<double>(values.empty() ? weight : values[k]));
@@ -56,16 +61,18 @@ struct FormFactorRow {
   std::vector<float> expanded() const;  // [patches]; zeros for a row that was not made
 };
 
-// F in float32 [rows x columns], a row dense or, where that is smaller, as a list; rows are allocated when first asked
-// for. Throws Error when they would need more than `maxBytes`.
+enum class Storage { float32, bits16 };  // of dense rows
+
+// F [rows x columns], a row dense or, where less than a third of it is filled, as a list; rows are allocated when first
+// asked for, and packed when finished. Throws Error when they would need more than `maxBytes`.
 class FormFactorMatrix : public RowStore {
  public:
-  explicit FormFactorMatrix(size_t patches, uint64_t maxBytes = UINT64_MAX)
-      : maxBytes_(maxBytes), rows_(patches), shares_(patches) {}
+  explicit FormFactorMatrix(size_t patches, uint64_t maxBytes = UINT64_MAX, Storage storage = Storage::float32)
+      : maxBytes_(maxBytes), storage_(storage), rows_(patches), shares_(patches) {}
 
   std::span<float> row(uint32_t patch) override;
   void hits(uint32_t patch, std::span<const uint32_t> ids, float weight) override;
-  void finish(uint32_t patch, const RowShares& shares) override { shares_[patch] = shares; }
+  void finish(uint32_t patch, const RowShares& shares) override;
 
   // A row from its entries, ids ascending.
   void entries(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values);
@@ -73,11 +80,14 @@ class FormFactorMatrix : public RowStore {
   size_t size() const { return rows_.size(); }
   FormFactorRow operator[](size_t patch) const {
     const Row& r = rows_[patch];
-    return {r.dense, r.ids, r.values, r.weight, rows_.size()};
+    return {r.dense, r.steps, r.ids, r.values, r.weight, rows_.size()};
   }
   const RowShares& shares(size_t patch) const { return shares_[patch]; }
   double rowSum(size_t patch) const;  // in double; 0 for a row that was not made
   uint64_t bytes() const { return bytes_; }
+  size_t denseRows() const { return count(&Row::dense); }     // in float32
+  size_t packedRows() const { return count(&Row::steps); }    // in 16 bits
+  double packingError() const;  // L1 error that 16 bits added to a row, at most
 
   // Keeps the rows and columns of these patches, in this order.
   void keep(const std::vector<uint32_t>& patches);
@@ -85,14 +95,22 @@ class FormFactorMatrix : public RowStore {
  private:
   struct Row {
     std::vector<float> dense;
+    std::vector<uint16_t> steps;
     std::vector<uint32_t> ids;
     std::vector<float> values;
     float weight = 0;
+    float packingError = 0;
   };
   void book(uint64_t bytes);
+  void pack(Row& row);
+  template <typename Member>
+  size_t count(Member member) const {
+    return static_cast<size_t>(std::count_if(rows_.begin(), rows_.end(), [&](const Row& r) { return !(r.*member).empty(); }));
+  }
 
   uint64_t maxBytes_;
   uint64_t bytes_ = 0;  // of rows so far; rows come from several threads
+  Storage storage_;
   std::vector<Row> rows_;
   std::vector<RowShares> shares_;
 };

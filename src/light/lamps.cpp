@@ -89,13 +89,6 @@ std::vector<Emitter> findEmitters(const FacetSet& facets, const PatchSet& patche
 
 }  // namespace
 
-void LampPlan::keep(const std::vector<uint32_t>& patches) {
-  std::vector<uint8_t> kept;
-  kept.reserve(patches.size());
-  for (const uint32_t p : patches) kept.push_back(apart[p]);
-  apart = std::move(kept);
-}
-
 LampPlan chooseLamps(const FacetSet& facets, const PatchSet& patches, const LampBudget& budget) {
   LampPlan plan;
   plan.apart.assign(patches.size(), 0);

@@ -24,8 +24,6 @@ struct LampPlan {
   std::vector<uint8_t> apart;  // [patches] 1: the patch's own emission is theirs
   size_t emitters = 0;         // lamps that could be apart
   std::string why;
-
-  void keep(const std::vector<uint32_t>& patches);
 };
 
 // What a row costs and samples, for the prediction.

@@ -10,6 +10,10 @@
 
 namespace farol {
 
+namespace gpu {
+class Device;
+}
+
 enum class SolverKind { gaussSeidel, jacobi };
 
 struct SolveOptions {
@@ -19,6 +23,7 @@ struct SolveOptions {
   double residual = 1e-5;
   size_t maxSweeps = 100000;
   Rgb sky{0};  // uniform radiosity seen wherever a row misses the scene
+  const gpu::Device* device = nullptr;  // sweeps by Jacobi in float32 there, inside a correction in double here
 };
 
 struct Solution {
@@ -29,7 +34,9 @@ struct Solution {
   size_t sweeps = 0;
   double residual = 0;     // max|E - B + rho H| over patches and channels [flux per area]
   double contraction = 0;  // estimated factor by which a Jacobi sweep reduces the residual
+  double bound = 0;        // largest reflectance times row sum: the contraction is not above it
   double error = 0;        // residual / (1 - contraction) over the mean radiosity of non-emitters
+  std::vector<double> history;  // the first residual, then the largest change of each sweep
 };
 
 // B and the residual are in double. Throws Error when the scene has no steady state: a closed part that
@@ -37,6 +44,12 @@ struct Solution {
 // within maxSweeps is an answer, not an error.
 Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct,
                         const Scene& scene, const SolveOptions& options, const Log& log);
+
+// Seconds of a Jacobi sweep here and on the device, and of bringing F there; from a few sweeps.
+struct SweepSeconds {
+  double host = 0, device = 0, upload = 0;
+};
+SweepSeconds measureSweeps(const FormFactorMatrix& f, const PatchSet& patches, const gpu::Device& device);
 
 // Power in and out of the scene, per channel [flux]; for a converged solution of a reciprocal F,
 // emitted + fromSky + fromPunctual = absorbed + toOpen + toBacks. Of punctual lights only what reaches surfaces counts.

@@ -1,5 +1,7 @@
 // Sweeps of the solve in bytes of F per second, beside the machine's own read bandwidth over the same bytes.
 #include "base/machine.h"
+#include "gpu/gpu.h"
+#include "solve/gpu_jacobi.h"
 #include "solve/solver.h"
 
 #include <benchmark/benchmark.h>
@@ -11,8 +13,8 @@ namespace {
 using namespace farol;
 
 // A dense F of n patches that sums to 1, with rho 0.5: only its size matters.
-struct System {
-  explicit System(size_t n) : f(n) {
+struct GivenSystem {
+  explicit GivenSystem(size_t n) : f(n) {
     scene.path = "given";
     patches.patches.resize(n);
     for (uint32_t i = 0; i < n; ++i) {
@@ -45,14 +47,14 @@ struct System {
   FormFactorMatrix f;
 };
 
-const System& systemOf(size_t n) {
-  static std::map<size_t, System> systems;
+const GivenSystem& systemOf(size_t n) {
+  static std::map<size_t, GivenSystem> systems;
   return systems.try_emplace(n, n).first->second;
 }
 
 void sweep(benchmark::State& state, SolverKind kind) {
   const auto n = static_cast<size_t>(state.range(0));
-  const System& system = systemOf(n);
+  const GivenSystem& system = systemOf(n);
   const size_t sweeps = std::max<size_t>(4, 400000000 / (n * n));
   for (auto _ : state) state.SetIterationTime(system.seconds(kind, sweeps) / static_cast<double>(sweeps));
   state.SetBytesProcessed(state.iterations() * static_cast<int64_t>(4 * n * n));
@@ -73,7 +75,7 @@ float sumOf(const float* values, size_t n) {
 
 void read(benchmark::State& state) {
   const auto n = static_cast<size_t>(state.range(0));
-  const System& system = systemOf(n);
+  const GivenSystem& system = systemOf(n);
   const size_t repeats = std::max<size_t>(4, 400000000 / (n * n));
   for (auto _ : state) {
     const Stopwatch watch;
@@ -85,8 +87,29 @@ void read(benchmark::State& state) {
   state.SetBytesProcessed(state.iterations() * static_cast<int64_t>(4 * n * n));
 }
 
+// On the device that a run would take; FAROL_DEVICE names another.
+void jacobiOnDevice(benchmark::State& state) {
+  const auto n = static_cast<size_t>(state.range(0));
+  const GivenSystem& system = systemOf(n);
+  const char* wanted = std::getenv("FAROL_DEVICE");
+  const gpu::Device device(wanted != nullptr ? wanted : "");
+  const System equations(system.f, system.patches, {}, Rgb(0));
+  GpuJacobi jacobi(device, system.f, equations.reflecting, equations.reflectance);
+  const Channels r = equations.start();
+  jacobi.reflections(r, 0, 3);  // shaders are compiled by now
+  const size_t sweeps = std::max<size_t>(4, 400000000 / (n * n));
+  for (auto _ : state) {
+    const Stopwatch watch;
+    jacobi.sweep(static_cast<uint32_t>(sweeps));
+    state.SetIterationTime(watch.seconds() / static_cast<double>(sweeps));
+  }
+  state.SetBytesProcessed(state.iterations() * static_cast<int64_t>(4 * n * n));
+  state.SetLabel(device.info().name);
+}
+
 BENCHMARK(read)->ArgName("N")->Arg(4000)->Arg(16000)->UseManualTime()->Iterations(3)->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(sweep, jacobi, SolverKind::jacobi)->ArgName("N")->Arg(4000)->Arg(16000)->UseManualTime()->Iterations(3)->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(sweep, gauss_seidel, SolverKind::gaussSeidel)->ArgName("N")->Arg(4000)->Arg(16000)->UseManualTime()->Iterations(3)->Unit(benchmark::kMillisecond);
+BENCHMARK(jacobiOnDevice)->ArgName("N")->Arg(4000)->Arg(16000)->UseManualTime()->Iterations(3)->Unit(benchmark::kMillisecond);
 
 }  // namespace

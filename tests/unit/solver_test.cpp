@@ -1,46 +1,11 @@
 // The solver on systems small enough for paper: F is given, not computed.
-#include "solve/solver.h"
-
 #include "base/error.h"
-#include "test_scene.h"
+#include "given_system.h"
 
 #include <gtest/gtest.h>
 
 namespace farol::test {
 namespace {
-
-struct GivenSystem {
-  GivenSystem(const std::vector<std::vector<double>>& rows, const std::vector<double>& rho,
-              const std::vector<double>& emission)
-      : f(rows.size()), replaced(rows.size()) {
-    scene.path = "given";
-    scene.surfaces.push_back({"surface", 0, {}, {}, {}, {}, {}});
-    for (uint32_t i = 0; i < rows.size(); ++i) {
-      const auto row = f.row(i);
-      double sum = 0;
-      for (size_t j = 0; j < rows.size(); ++j) {
-        row[j] = static_cast<float>(rows[i][j]);
-        sum += rows[i][j];
-      }
-      f.finish(i, {1 - sum < 1e-7 ? 0 : 1 - sum, 0, 1});
-      Patch p;
-      p.area = 1;
-      p.reflectance = Rgb(rho[i]);
-      p.emission = Rgb(emission[i], 0, 2 * emission[i]);  // green stays dark, blue is twice red
-      patches.patches.push_back(p);
-    }
-  }
-  Solution solve(SolverKind kind, double residual = 1e-10, size_t maxSweeps = 100000) const {
-    SolveOptions o;
-    o.kind = kind;
-    o.residual = residual;
-    o.maxSweeps = maxSweeps;
-    return solveRadiosity(f, patches, {}, scene, o, Log(true));
-  }
-  Scene scene;
-  PatchSet patches;
-  FormFactorMatrix f, replaced;  // `replaced`: an empty matrix of the same size
-};
 
 constexpr SolverKind kBoth[] = {SolverKind::gaussSeidel, SolverKind::jacobi};
 

@@ -1,0 +1,43 @@
+// What `auto` means: the method, how F is stored, and where the solve runs, each with its reason.
+#pragma once
+
+#include "cli/methods.h"
+
+namespace farol {
+
+// What choices are made from. The references must outlive this.
+struct Situation {
+  const Options& options;
+  const Scene& scene;
+  const FacetSet& facets;
+  const PatchSet& patches;
+  Methods& methods;
+};
+
+struct MethodChoice {
+  MethodSpec spec;
+  std::string why;
+};
+MethodSpec specFrom(const Options& options, MethodSpec::Kind kind);
+// Throws Error where closed forms are asked for and something may block.
+MethodChoice chooseMethod(const Situation& at);
+
+// Rows of F that `spec` makes, measured.
+double rowsPerSecond(const Situation& at, const MethodSpec& spec, double seconds = 0.1);
+
+struct StorageChoice {
+  Storage storage = Storage::float32;
+  double bytes = 0;  // that F will take, predicted
+  std::string why;
+};
+uint64_t allowedBytes(const Options& options);
+// Throws Error where F fits in no form.
+StorageChoice chooseStorage(const Situation& at, const MethodSpec& spec);
+
+struct PlaceChoice {
+  bool onDevice = false;
+  std::string why;
+};
+PlaceChoice chooseSolvePlace(const Situation& at, const FormFactorMatrix& f);
+
+}  // namespace farol

@@ -1,0 +1,52 @@
+// One lighting of a scene on a given F: which emitters go apart, the light that reaches patches without F, the solution,
+// and how good it is.
+#pragma once
+
+#include "cli/methods.h"
+#include "solve/irradiance_error.h"
+
+namespace farol {
+
+struct Lighting {
+  LampPlan plan;
+  DirectLight direct;
+  std::vector<Rgb> fromPunctual;  // irradiance per patch by punctual lights; empty: none
+  Solution solution;
+  std::vector<double> error;  // of H per patch (irradiance_error.h)
+};
+
+// All that lightings of one scene share. The references must outlive this.
+class LightingMaker {
+ public:
+  LightingMaker(const Options& options, const FacetSet& facets, Methods& methods, const Log& log)
+      : options_(options), facets_(facets), methods_(methods), log_(log) {}
+
+  // Which emitters go apart, where rows of F are made as `spec` says.
+  LampPlan plan(const PatchSet& patches, const MethodSpec& spec) const;
+
+  DirectIrradiance lamps(const LampPlan& plan, const Scene& scene, const PatchSet& patches, uint64_t seed) const;
+
+  // `replicates` gets the direct light of its patches; `device`: sweeps run there.
+  Lighting make(const Scene& scene, const PatchSet& patches, const Rgb& sky, const FormFactorMatrix& f,
+                const MethodSpec& spec, Replicates& replicates, const gpu::Device* device) const;
+
+  // Without F: emitters as points, or nothing at all.
+  Lighting local(const Scene& scene, const PatchSet& patches) const;
+
+ private:
+  void addDirect(const Scene& scene, const PatchSet& patches, const FormFactorMatrix& f, Replicates& replicates,
+                 Lighting& lighting) const;
+
+  const Options& options_;
+  const FacetSet& facets_;
+  Methods& methods_;
+  const Log& log_;
+};
+
+// Root of the area-weighted mean square of `error`, over the mean of H (worst channel); areas are exposed areas.
+double relativeError(const FormFactorMatrix& f, const PatchSet& patches, const Lighting& lighting);
+
+// Samples of the hemisphere per row, for laws of error.
+double samplesOf(const MethodSpec& spec);
+
+}  // namespace farol

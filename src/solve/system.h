@@ -1,0 +1,84 @@
+// The linear system of the solve, (I - rho F) B = E + rho S, and what sweeps need from it. Internal to this room.
+#pragma once
+
+#include "formfactor/form_factors.h"
+#include "light/direct.h"
+
+#include <Eigen/Core>
+#include <vector>
+
+namespace farol {
+
+// N x 3, a column per channel: the three systems are advanced together and share every load of F.
+using Channels = Eigen::Matrix<double, Eigen::Dynamic, 3>;
+
+inline double largest(const Channels& v) {
+  return v.size() > 0 ? v.cwiseAbs().maxCoeff() : 0.0;
+}
+
+// A value per patch and channel, kept in the two orders that dense rows and lists read fastest.
+class Field {
+ public:
+  explicit Field(Channels values);
+  void set(Eigen::Index i, const Eigen::RowVector3d& value) {
+    columns_.row(i) = value;
+    pack(i);
+  }
+  void add(const Channels& change);
+  const Channels& columns() const { return columns_; }
+  const double* packed() const { return packed_.data(); }  // [patches + 1] x 4
+
+ private:
+  void pack(Eigen::Index i) {
+    for (int c = 0; c < 3; ++c) packed_[4 * static_cast<size_t>(i) + static_cast<size_t>(c)] = columns_(i, c);
+  }
+  Channels columns_;
+  std::vector<double> packed_;
+};
+
+class System {
+ public:
+  System(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct, const Rgb& sky);
+
+  Channels start() const { return emission + reflectance.cwiseProduct(source); }
+  const FormFactorMatrix& factors() const { return f_; }
+
+  // sum_j F_ij b_j of patches, in `sums` one after the other.
+  void gather(std::span<const size_t> patches, const Field& b, Eigen::RowVector3d* sums) const;
+  Eigen::RowVector3d gather(size_t i, const Field& b) const {
+    Eigen::RowVector3d sum;
+    gather(std::span(&i, 1), b, &sum);
+    return sum;
+  }
+
+  // What patch i's radiosity should be where the others send `gathered`.
+  Eigen::RowVector3d updated(Eigen::Index i, const Eigen::RowVector3d& gathered) const {
+    return emission.row(i) + reflectance.row(i).cwiseProduct(source.row(i) + gathered);
+  }
+
+  // E + rho (S + F b) - b over the reflecting patches; zero elsewhere.
+  Channels residualOf(const Field& b) const;
+  // rho F v: one Jacobi sweep applied to a difference.
+  Channels reflectOnce(const Field& v) const;
+
+  Channels emission, reflectance, source;  // emission: without emitters apart; source: irradiance without F
+  // Black patches have B = E: they stay out of the iteration.
+  std::vector<size_t> reflecting;
+  double bound = 0;      // largest reflectance times row sum: no sweep multiplies the largest value by more
+  size_t worstRow = 0;   // where it is reached
+
+ private:
+  const FormFactorMatrix& f_;
+};
+
+// The factor by which a Jacobi sweep reduces the residual r: what it does to the largest value, and to the norm with
+// weights A / rho (of the worst channel), in which rho F is self-adjoint: the spectral radius is not below that.
+struct Contraction {
+  double ofLargest = 0, ofNorm = 0;
+};
+Contraction contractionOn(const System& s, const PatchSet& patches, const Channels& r);
+
+// Calls `use(part, place)` for parts of at most kRowsAtOnce patches, on all cores.
+void forParts(std::span<const size_t> patches, const std::function<void(std::span<const size_t>, size_t)>& use);
+
+}  // namespace farol
