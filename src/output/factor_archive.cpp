@@ -8,6 +8,8 @@
 #include <cstring>
 #include <functional>
 #include <numeric>
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_invoke.h>
 #include <zip.h>
 
 namespace farol {
@@ -286,7 +288,8 @@ FormFactorMatrix FactorArchive::load(size_t patches, uint64_t maxBytes) const {
              exposed = a.array<double>("farol_exposed", "<f8", patches),
              correction = a.array<double>("farol_correction", "<f8", patches);
   for (const char* unused : {"farol_area", "farol_cut"}) a.array<double>(unused, "<f8", patches);  // undamaged, that is all
-  Impl::Reader indices(a, "indices"), data(a, "data");
+  const Impl again(a.path);  // libzip reads one member of an archive at a time
+  Impl::Reader indices(a, "indices"), data(again, "data");
   const bool wide = indices.header.descr == "<i8";
   std::vector<int64_t> starts;
   if (wide) {
@@ -301,28 +304,43 @@ FormFactorMatrix FactorArchive::load(size_t patches, uint64_t maxBytes) const {
                     data.header.descr == "<f4" && (wide || indices.header.descr == "<i4");
   if (!fits) throw Error("{}: indptr, indices and data do not make a CSR matrix of float32", a.path);
 
+  for (size_t i = 0; i < patches; ++i) {
+    const int64_t count = starts[i + 1] - starts[i];
+    if (count > shape[0]) throw Error("{}: row {} has {} entries of at most {}", a.path, i, count, patches);
+  }
+
   FormFactorMatrix f(patches, maxBytes);
+  // Chunk after chunk: indices and data side by side, each with its checksum, then the rows on all cores.
+  constexpr int64_t kChunkEntries = int64_t{1} << 19;
   std::vector<int64_t> wideIds;
   std::vector<uint32_t> ids;
   std::vector<float> values;
-  for (uint32_t i = 0; i < patches; ++i) {
-    const auto count = static_cast<size_t>(starts[i + 1] - starts[i]);
-    if (count > patches) throw Error("{}: row {} has {} entries of at most {}", a.path, i, count, patches);
+  for (uint32_t first = 0, last = 0; first < patches; first = last) {
+    while (last < patches && (last == first || starts[last + 1] - starts[first] <= kChunkEntries)) ++last;
+    const auto count = static_cast<size_t>(starts[last] - starts[first]);
     ids.resize(count);
     values.resize(count);
-    if (wide) {
-      wideIds.resize(count);
-      indices.read(wideIds.data(), count * sizeof(int64_t));
-      for (size_t k = 0; k < count; ++k) ids[k] = static_cast<uint32_t>(std::clamp<int64_t>(wideIds[k], 0, INT32_MAX));
-    } else {
-      indices.read(ids.data(), count * sizeof(uint32_t));
-    }
-    data.read(values.data(), count * sizeof(float));
-    bool good = true;
-    for (size_t k = 0; k < count; ++k) good &= ids[k] < patches && (k == 0 || ids[k] > ids[k - 1]) && values[k] >= 0 && values[k] <= 1;
-    if (!good) throw Error("{}: row {} has an entry outside the matrix or outside [0, 1]", a.path, i);
-    f.entries(i, ids, values);
-    f.finish(i, {missed[i], backs[i], exposed[i], correction[i]});
+    tbb::parallel_invoke(
+        [&] {
+          if (!wide) return indices.read(ids.data(), count * sizeof(uint32_t));
+          wideIds.resize(count);
+          indices.read(wideIds.data(), count * sizeof(int64_t));
+          for (size_t k = 0; k < count; ++k) ids[k] = static_cast<uint32_t>(std::clamp<int64_t>(wideIds[k], 0, INT32_MAX));
+        },
+        [&] { data.read(values.data(), count * sizeof(float)); });
+    tbb::parallel_for(first, last, [&](uint32_t i) {
+      const auto at = static_cast<size_t>(starts[i] - starts[first]), length = static_cast<size_t>(starts[i + 1] - starts[i]);
+      const auto rowIds = std::span(ids).subspan(at, length);
+      const auto rowValues = std::span(values).subspan(at, length);
+      bool good = true;
+      for (size_t k = 0; k < length; ++k) {
+        good &= rowIds[k] < patches && rowValues[k] >= 0 && rowValues[k] <= 1;
+        if (k > 0) good &= rowIds[k] > rowIds[k - 1];
+      }
+      if (!good) throw Error("{}: row {} has an entry outside the matrix or outside [0, 1]", a.path, i);
+      f.entries(i, rowIds, rowValues);
+      f.finish(i, {missed[i], backs[i], exposed[i], correction[i]});
+    });
   }
   indices.finish();
   data.finish();
