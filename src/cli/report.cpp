@@ -138,7 +138,7 @@ void writeReport(const std::string& path, const Report& r) {
   if (r.checks) {
     const FormFactorChecks& c = *r.checks;
     j["row_sums"] = {{"min", c.rowSumMin}, {"mean", c.rowSumMean}, {"max", c.rowSumMax}};
-    j["shares"] = {{"missed", c.missed}, {"cut", 0.0}, {"backs", c.backs}, {"covered_area", c.covered}};
+    j["shares"] = {{"missed", c.missed}, {"cut", c.cut}, {"backs", c.backs}, {"absorbed_in_solids", c.absorbed}, {"met_specular_first", c.specular}, {"covered_area", c.covered}};
     j["reciprocity_error"] = c.reciprocityRms;
     j["pairs_checked_among"] = c.pairPatches;
     j["near_field_factors"] = {{"min", c.correctionMin}, {"max", c.correctionMax}};
@@ -174,7 +174,7 @@ void writeReport(const std::string& path, const Report& r) {
     const EnergyBalance& e = *r.energy;
     j["energy"] = {{"emitted", channels(e.emitted)},   {"from_sky", channels(e.fromSky)},
                    {"absorbed", channels(e.absorbed)}, {"to_open", channels(e.toOpen)},
-                   {"to_backs", channels(e.toBacks)},  {"from_punctual_lights", channels(e.fromPunctual)},
+                   {"to_backs", channels(e.toBacks)},   {"in_solids", channels(e.inSolids)}, {"cut", channels(e.cut)},   {"from_punctual_lights", channels(e.fromPunctual)},
                    {"relative_error", e.relativeError}};
   }
   j["estimated_error"] = r.estimatedError ? json(*r.estimatedError) : json(nullptr);

@@ -129,25 +129,14 @@ class Run {
     report_.specularPatches = report_.emittingPatches = 0;
     for (const Patch& p : patches_.patches) {
       report_.area += p.area;
-      if (maxChannel(p.specular) > 0) ++report_.specularPatches;
+      if (p.isSpecular()) ++report_.specularPatches;
       if (p.emits()) ++report_.emittingPatches;
     }
   }
 
   void warnOfSpecular() {
-    double area = 0;
-    std::string first;
-    for (const Patch& p : patches_.patches) {
-      if (p.back || !(maxChannel(p.specular) > 0)) continue;
-      if (first.empty()) first = surfaceNameOf(scene_, p);
-      area += p.area;
-    }
-    if (area > 0) {
-      log_.warn(fmt::format(
-          "mirrors and clear glass ({:.4g} square units, first on surface '{}') are not traced yet: their specular "
-          "share counts as absorbed",
-          area, first));
-    }
+    if (patches_.anySpecular() && !scene_.lights.empty())
+      log_.warn("what mirrors and glass pass on of point, spot and directional lights is left out: they have no area that a path could meet");
   }
 
   bool lit() const {

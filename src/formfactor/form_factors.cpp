@@ -238,6 +238,7 @@ void checkPairs(const FormFactorMatrix& f, const PatchSet& patches, FormFactorCh
       const double kl = area[k] * value, lk = area[l] * static_cast<double>(block[l * m + k]);
       part.difference += (kl - lk) * (kl - lk);
       part.size += kl * kl;
+      if (patches.patches[chosen[k]].isSpecular() || patches.patches[chosen[l]].isSpecular()) continue;
       part.smallest = std::min(part.smallest, value);
       part.largest = std::max(part.largest, value);
       const double bound = std::min(area[k], area[l]);
@@ -280,6 +281,9 @@ FormFactorChecks checkFormFactors(const FormFactorMatrix& f, const PatchSet& pat
     exposedArea += a;
     c.missed += a * s.missed;
     c.backs += a * s.backs;
+    c.cut += a * s.cut;
+    c.absorbed += a * s.absorbed;
+    c.specular += a * s.specular;
     c.rowSumMean += a * sums[i];
     c.correctionMin = std::min(c.correctionMin, s.correction);
     c.correctionMax = std::max(c.correctionMax, s.correction);
@@ -290,7 +294,7 @@ FormFactorChecks checkFormFactors(const FormFactorMatrix& f, const PatchSet& pat
   }
   if (exposedArea > 0) {
     c.missed /= exposedArea;
-    c.backs /= exposedArea;
+    for (double* share : {&c.backs, &c.cut, &c.absorbed, &c.specular}) *share /= exposedArea;
     c.rowSumMean /= exposedArea;
   } else {
     c.rowSumMin = c.rowSumMax = 0;

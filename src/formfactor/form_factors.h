@@ -13,12 +13,16 @@
 
 namespace farol {
 
-// What became of a row besides its entries. missed + backs + sum_j F_ij = 1 for an exposed patch.
+// What became of a row besides its entries. missed + backs + cut + absorbed + sum_j F_ij (1 - s_j - t_j) = 1 for an exposed
+// patch, with the mirror and transmission shares s and t of what it meets.
 struct RowShares {
   double missed = 0;      // share that saw nothing: it leaves the scene
   double backs = 0;       // share that met black back sides
   double exposed = 1;     // share of the patch's area on which nothing stands; 0: the row is empty
   double correction = 1;  // factor by which the near-field correction scaled the far entries, or near ones (near_field.h)
+  double cut = 0;         // share that was not followed to its end among mirrors and glass
+  double absorbed = 0;    // share that solids took on the way
+  double specular = 0;    // share that met a mirror or glass first
 };
 
 // Receives finished rows, possibly from several threads, each row once, as `row` or as `hits`.
@@ -29,6 +33,9 @@ class RowStore {
   // The row as a list: each id adds `weight` to its entry; the id [patches] adds nothing.
   virtual void hits(uint32_t patch, std::span<const uint32_t> ids, float weight) = 0;
   virtual void finish(uint32_t patch, const RowShares& shares) = 0;
+  // Where rows go whose factors are those of green (1) or blue (2), when coloured mirrors make them differ; null: the
+  // channels are alike.
+  virtual RowStore* channel(int /*c*/) { return nullptr; }
 };
 
 // One row as it is kept: dense; a list of ids that each add `weight` to their entry; a list of ids, ascending, with
@@ -134,7 +141,7 @@ std::vector<uint32_t> makeFormFactors(RowMaker& maker, PatchSet& patches, bool s
 // patches, an even choice.
 struct FormFactorChecks {
   double rowSumMin = 0, rowSumMean = 0, rowSumMax = 0;  // area-weighted mean
-  double missed = 0, backs = 0;                         // area-weighted mean shares
+  double missed = 0, backs = 0, cut = 0, absorbed = 0, specular = 0;  // area-weighted mean shares (RowShares)
   double covered = 0;                                   // area under objects, as a share of the whole
   size_t pairPatches = 0;                               // patches whose pairs were looked at
   double reciprocityRms = 0;  // rms over pairs of A_i F_ij - A_j F_ji, relative to the rms of A_i F_ij

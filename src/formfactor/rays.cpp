@@ -4,6 +4,7 @@
 #include "trace/cover.h"
 
 #include <algorithm>
+#include <optional>
 #include <tbb/parallel_for.h>
 
 namespace farol {
@@ -282,7 +283,9 @@ uint32_t TileRays::next(RayPacket& rays, std::array<uint32_t, kPacketSize>& memb
 
 struct RayRowMaker::Impl {
   Impl(const Tracer& t, const FacetSet& f, const PatchSet& p, const RayOptions& o)
-      : tracer(t), facets(f), patches(p), options(o), table(o.rays, o.seed, o.kind), hitPatches(f, p) {}
+      : tracer(t), facets(f), patches(p), options(o), table(o.rays, o.seed, o.kind), hitPatches(f, p) {
+    if (p.anySpecular()) tree.emplace(t, f, p, o.limits);
+  }
 
   // A back that proves, or may prove, that the ray's origin lies inside something standing on the patch.
   struct BackHit {
@@ -297,6 +300,26 @@ struct RayRowMaker::Impl {
     uint32_t traced = 0;
     std::vector<BackHit> backHits;
     uint32_t missed = 0, backs = 0;
+    std::vector<SpecularHit> specularHits;
+    std::vector<uint32_t> specularRays;  // the ray of each
+    std::vector<Rgb> weights;            // of each ray where it arrived; empty: 1
+  };
+
+  // Adds what paths meet to the entries of up to three channels.
+  class Entries : public PathSink {
+   public:
+    Entries(size_t patches, int channels) : channels_(channels) {
+      for (int c = 0; c < channels; ++c) sums_[static_cast<size_t>(c)].assign(patches, 0.0);
+    }
+    void met(const PathHit& hit) override { add(hit.patch, hit.weight); }
+    void add(uint32_t patch, const Rgb& weight) {
+      for (int c = 0; c < channels_; ++c) sums_[static_cast<size_t>(c)][patch] += weight[c];
+    }
+    const std::vector<double>& of(int c) const { return sums_[static_cast<size_t>(c)]; }
+
+   private:
+    int channels_;
+    std::array<std::vector<double>, 3> sums_;
   };
 
   // The rows of one patch, or of several patches of one flat tile.
@@ -308,6 +331,9 @@ struct RayRowMaker::Impl {
     for (size_t m = 0; m < members.size(); ++m) {
       rows[m].ids.assign(count, nothing);
       rows[m].backHits.clear();
+      rows[m].specularHits.clear();
+      rows[m].specularRays.clear();
+      rows[m].weights.clear();
       rows[m].traced = rows[m].missed = rows[m].backs = 0;
     }
     TileRays rays(facets, patches, table, options, members);
@@ -330,7 +356,8 @@ struct RayRowMaker::Impl {
           ++row.backs;
         else
           id = met;
-        if (back) {
+        if (tree) meetSpecular(members[member[k]], packet, hits, k, back, met, row);
+        if (back && !facets.facets[facet].transmits) {
           row.backHits.push_back(
               {row.traced - 1, {packet.ox[k], packet.oy[k], packet.oz[k]}, !facets.facets[facet].doubleSided});
         }
@@ -344,15 +371,75 @@ struct RayRowMaker::Impl {
     const uint32_t count = options.rays;
     const uint32_t kept =
         row.backHits.empty() ? count : count - dropCovered(patch, count, row.backHits, row.ids, row.backs);
-    if (kept == 0) {
+    const auto storeHits = [&](float weight, const RowShares& shares) {
+      for (int c = 0; c < 3; ++c) {
+        RowStore* to = c == 0 ? &store : store.channel(c);
+        if (to == nullptr) break;
+        to->hits(patch, row.ids, weight);
+        to->finish(patch, shares);
+      }
+    };
+    if (kept == 0 || (options.continuedOnly && row.specularHits.empty())) {
       row.ids.assign(1, nothing);
-      store.hits(patch, row.ids, 0);
-      store.finish(patch, {0, 0, 0});
-      return;
+      return storeHits(0, {0, 0, kept > 0 ? 1.0 : 0.0});
     }
-    store.hits(patch, row.ids, 1.0f / static_cast<float>(kept));
-    store.finish(patch, {static_cast<double>(row.missed) / kept, static_cast<double>(row.backs) / kept,
-                         static_cast<double>(kept) / count});
+    const RowShares shares{static_cast<double>(row.missed) / kept, static_cast<double>(row.backs) / kept,
+                           static_cast<double>(kept) / count};
+    if (row.specularHits.empty() && row.weights.empty())
+      storeHits(1.0f / static_cast<float>(kept), shares);
+    else
+      storeTree(patch, row, kept, shares, store);
+  }
+
+  // Notes a hit that paths go on from, and what a solid took of a ray that started inside it.
+  void meetSpecular(uint32_t patch, const RayPacket& packet, const HitPacket& hits, uint32_t k, bool back, uint32_t met,
+                    Row& row) const {
+    const uint32_t medium = tree->mediumBehind(patch);
+    const bool attenuated = medium != kNone && maxChannel(patches.media[medium].attenuation) > 0;
+    const bool specular = met != kNone && tree->specular(met);
+    if (!attenuated && !specular) return;
+    const uint32_t facet = hits.facet[k], ray = row.traced - 1;
+    const Vec3 point = tree->pointOn(facet, static_cast<double>(hits.u[k]), static_cast<double>(hits.v[k]));
+    Rgb weight(1);
+    if (attenuated) {
+      weight = tree->passed(medium, glm::distance(point, Vec3(packet.ox[k], packet.oy[k], packet.oz[k])));
+      row.weights.resize(options.rays, Rgb(1));
+      row.weights[ray] = weight;
+    }
+    if (!specular) return;
+    row.specularRays.push_back(ray);
+    row.specularHits.push_back({point, glm::normalize(Vec3(packet.dx[k], packet.dy[k], packet.dz[k])), weight, facet, met,
+                                back, medium, 0});
+  }
+
+  // A row with paths over mirrors and glass: what rays met first, and what their continuations met.
+  void storeTree(uint32_t patch, Row& row, uint32_t kept, RowShares shares, RowStore& store) const {
+    const auto nothing = static_cast<uint32_t>(patches.size());
+    const int channels = store.channel(1) != nullptr ? 3 : 1;
+    Entries entries(patches.size(), channels);
+    PathEnds ends;
+    size_t followed = 0;
+    for (size_t k = 0; k < row.specularHits.size(); ++k) {  // those of rays that were dropped are no hits
+      if (row.ids[row.specularRays[k]] != nothing) row.specularHits[followed++] = row.specularHits[k];
+    }
+    shares.specular = static_cast<double>(followed) / kept;
+    tree->follow(std::span(row.specularHits).first(followed), entries, ends);
+    for (uint32_t ray = 0; ray < row.traced && !options.continuedOnly; ++ray) {
+      const Rgb weight = row.weights.empty() ? Rgb(1) : row.weights[ray];
+      if (row.ids[ray] != nothing) entries.add(row.ids[ray], weight);
+      ends.absorbed += Rgb(1) - weight;
+    }
+    for (int c = 0; c < channels; ++c) {
+      RowStore& to = c == 0 ? store : *store.channel(c);
+      const std::span<float> values = to.row(patch);
+      for (size_t j = 0; j < values.size(); ++j) values[j] = static_cast<float>(entries.of(c)[j] / kept);
+      RowShares own = shares;
+      own.missed += ends.missed[c] / kept;
+      own.backs += ends.backs[c] / kept;
+      own.cut = ends.cut[c] / kept;
+      own.absorbed = ends.absorbed[c] / kept;
+      to.finish(patch, own);
+    }
   }
 
   // Drops the rays whose origins lie inside something; returns their number.
@@ -416,6 +503,7 @@ struct RayRowMaker::Impl {
   RayOptions options;
   SampleTable table;
   HitPatches hitPatches;
+  std::optional<RayTree> tree;  // where something is specular
 };
 
 RayRowMaker::RayRowMaker(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches,

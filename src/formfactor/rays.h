@@ -4,7 +4,7 @@
 #pragma once
 
 #include "formfactor/form_factors.h"
-#include "trace/tracer.h"
+#include "trace/ray_tree.h"
 
 #include <array>
 #include <memory>
@@ -46,6 +46,8 @@ TileSeat seatOf(const FacetSet& facets, const PatchSet& patches, uint32_t patch,
 struct RayOptions {
   uint32_t rays = 256;  // K per patch
   uint64_t seed = 1;
+  TreeLimits limits = {};         // of paths over mirrors and glass
+  bool continuedOnly = false;  // entries of what is met after a mirror or glass, without what is met first
   bool spread = true;  // origins over the patch; otherwise all at its centre (for comparison)
   SampleTable::Kind kind = SampleTable::Kind::lowDiscrepancy;
 };

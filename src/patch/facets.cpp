@@ -166,7 +166,9 @@ class FacetBuilder {
   Facet newFacet(uint32_t surfaceIndex) const {
     Facet f;
     f.surface = surfaceIndex;
-    f.doubleSided = scene_.materials[scene_.surfaces[surfaceIndex].material].doubleSided;
+    const Material& material = scene_.materials[scene_.surfaces[surfaceIndex].material];
+    f.transmits = material.transmits();
+    f.doubleSided = material.doubleSided || f.transmits;
     return f;
   }
 

@@ -23,7 +23,8 @@ struct Frame {
 struct Facet {
   uint32_t surface = 0;
   bool parallelogram = false;
-  bool doubleSided = false;
+  bool doubleSided = false;  // the far side is no black back
+  bool transmits = false;    // clear glass: nothing hides behind it
   // Counter-clockwise seen from the front. Corner (u,v): 0 (0,0), 1 (1,0), then for a triangle 2 (0,1),
   // for a parallelogram 2 (1,1) and 3 (0,1).
   std::array<uint32_t, 4> corners{};   // welded points, indices into FacetSet::points

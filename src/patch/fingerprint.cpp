@@ -32,7 +32,14 @@ Fingerprint fingerprintOf(const FacetSet& facets, const PatchSet& patches) {
   }
   for (const uint32_t p : patches.cellMap) cells.add(uint64_t{p});
   for (const Patch& p : patches.patches) {
-    for (int c = 0; c < 3; ++c) specular.add(p.specular[c]);
+    for (int c = 0; c < 3; ++c) specular.add(p.specular()[c]);
+    if (p.isSpecular()) {
+      for (int c = 0; c < 3; ++c) specular.add(p.mirror[c]);
+      const Medium& m = patches.media[p.surface];
+      specular.add(m.ior);
+      specular.add(uint64_t{m.solid});
+      for (int c = 0; c < 3; ++c) specular.add(m.attenuation[c]);
+    }
   }
   return {geometry.value(), cells.value(), specular.value()};
 }

@@ -124,7 +124,27 @@ Optics cellOptics(const Scene& scene, const Facet& facet, const CellGrid& grid, 
   return mean;
 }
 
+Medium mediumOf(const Material& material) {
+  Medium medium{material.ior, material.solid(), Rgb(0)};
+  if (material.attenuationDistance > 0) {  // black would absorb within no distance at all
+    constexpr double kDarkest = 1e-6;
+    medium.attenuation = -glm::log(glm::max(material.attenuationColor, Rgb(kDarkest))) / material.attenuationDistance;
+  }
+  return medium;
+}
+
 }  // namespace
+
+bool PatchSet::anySpecular() const {
+  return std::any_of(patches.begin(), patches.end(), [](const Patch& p) { return p.isSpecular(); });
+}
+
+bool PatchSet::colouredSpecular() const {
+  const auto coloured = [](const Rgb& c) { return maxChannel(c) > minChannel(c); };
+  return std::any_of(patches.begin(), patches.end(), [&](const Patch& p) {
+    return coloured(p.mirror) || coloured(p.transmission) || (maxChannel(p.transmission) > 0 && coloured(media[p.surface].attenuation));
+  });
+}
 
 uint32_t cellAt(const CellGrid& grid, bool parallelogram, double u, double v) {
   const auto place = [](double x, uint32_t n) {
@@ -161,6 +181,7 @@ PatchSet buildPatches(const Scene& scene, const FacetSet& facets, const PatchOpt
                 size * facets.frame.size, count, kMaxCells);
   }
   PatchSet set;
+  for (const Surface& s : scene.surfaces) set.media.push_back(mediumOf(scene.materials[s.material]));
   set.grids.resize(facets.facets.size());
   for (size_t i = 0; i < edges.size(); ++i) {
     set.grids[i].nu = static_cast<uint32_t>(cellsAlong(edges[i].u, size));
@@ -206,13 +227,15 @@ void mapCells(PatchSet& set, const Scene& scene, const FacetSet& facets, std::ve
     patch.area += area;
     patch.centre += area * facets.frame.toScene(facets.point(facet, uv.x, uv.y));
     patch.reflectance += area * optics.diffuse;
-    patch.specular += area * (optics.specular + optics.transmission);
+    patch.mirror += area * optics.specular;
+    patch.transmission += area * optics.transmission;
     patch.emission += area * optics.emission;
   }
   for (Patch& patch : set.patches) {
     patch.centre /= patch.area;
     patch.reflectance /= patch.area;
-    patch.specular /= patch.area;
+    patch.mirror /= patch.area;
+    patch.transmission /= patch.area;
     patch.emission /= patch.area;
     if (!patch.back) ++set.frontPatchCount;
   }

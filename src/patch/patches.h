@@ -37,13 +37,23 @@ struct Patch {
   Vec3 normal{0};      // unit vector on the side that emits
   double area = 0;     // [scene units squared]
   Rgb reflectance{0};  // rho, diffuse
-  Rgb specular{0};     // mirror reflectance + transmission: light that does not scatter
+  Rgb mirror{0}, transmission{0};  // shares of light that do not scatter
   Rgb emission{0};     // exitance E [flux per area]
 
   bool emits() const { return maxChannel(emission) > 0; }
+  Rgb specular() const { return mirror + transmission; }
+  bool isSpecular() const { return maxChannel(mirror) > 0 || maxChannel(transmission) > 0; }
+};
+
+// What lies behind a surface that light passes.
+struct Medium {
+  double ior = 1.5;
+  bool solid = false;   // the surface bounds a solid; otherwise it is a thin sheet
+  Rgb attenuation{0};   // in a solid [per scene unit]
 };
 
 struct PatchSet {
+  std::vector<Medium> media;        // one per surface
   std::vector<CellGrid> grids;    // one per facet
   std::vector<Cell> cells;        // all front cells, then all back cells
   std::vector<uint32_t> cellMap;  // cell -> patch
@@ -53,6 +63,8 @@ struct PatchSet {
   size_t frontPatchCount = 0;  // the front patches come first
 
   size_t size() const { return patches.size(); }
+  bool anySpecular() const;
+  bool colouredSpecular() const;  // mirrors or glass treat channels differently: F depends on the channel
   std::span<const uint32_t> cellsOf(uint32_t patch) const {
     return {patchCells.data() + firstCell[patch], firstCell[patch + 1] - firstCell[patch]};
   }

@@ -68,6 +68,11 @@ struct Material {
     return baseTexture.used() || metallicRoughnessTexture.used() || emissionTexture.used() ||
            transmissionTexture.used();
   }
+  bool transmits() const {  // light passes somewhere
+    const bool exact = exactDiffuse || exactSpecular || exactTransmission;
+    return exact ? exactTransmission && maxChannel(*exactTransmission) > 0 : !unlit && transmission > 0;
+  }
+  bool solid() const { return exactSolid.value_or(thickness > 0); }  // the mesh bounds a solid; otherwise a thin sheet
   Optics evaluate(const std::vector<Texture>& textures, const PointAttributes& at) const;
 };
 

@@ -92,7 +92,8 @@ void requireSteadyState(const FormFactorMatrix& f, const PatchSet& patches, cons
     std::vector<bool> drained(patches.size(), false);
     for (size_t i = 0; i < patches.size(); ++i) {
       const RowShares& s = f.shares(i);
-      drained[i] = patches.patches[i].reflectance[c] < 1 || s.missed > 0 || s.backs > 0 || s.exposed == 0;
+      drained[i] = (patches.patches[i].reflectance + patches.patches[i].specular())[c] < 1 || s.missed > 0 || s.backs > 0 ||
+                   s.cut > 0 || s.absorbed > 0 || s.exposed == 0;
       if (!drained[i]) undrained.push_back(i);
     }
     for (bool changed = !undrained.empty(); changed;) {
@@ -236,16 +237,20 @@ EnergyBalance energyBalance(const FormFactorMatrix& f, const PatchSet& patches, 
     const RowShares& s = f.shares(i);
     const double area = p.area * s.exposed;
     e.emitted += area * p.emission;
-    if (!fromPunctual.empty()) e.fromPunctual += area * fromPunctual[i];
-    e.fromSky += area * s.missed * sky;
-    e.absorbed += area * (Rgb(1) - p.reflectance) * solution.irradiance[i];
+    if (!fromPunctual.empty()) e.fromPunctual += area * (Rgb(1) - p.specular()) * fromPunctual[i];
+    // Light is counted where it ends: of what arrives at a mirror only what the mirror does not pass on.
+    const Rgb ending = Rgb(1) - p.specular();
+    e.fromSky += area * s.missed * ending * sky;
+    e.absorbed += area * (ending - p.reflectance) * solution.irradiance[i];
     e.toOpen += area * s.missed * solution.radiosity[i];
     e.toBacks += area * s.backs * solution.radiosity[i];
+    e.inSolids += area * s.absorbed * solution.radiosity[i];
+    e.cut += area * s.cut * solution.radiosity[i];
   }
   for (int c = 0; c < 3; ++c) {
     const double in = e.emitted[c] + e.fromSky[c] + e.fromPunctual[c];
     if (in > 0)
-      e.relativeError = std::max(e.relativeError, std::abs(e.absorbed[c] + e.toOpen[c] + e.toBacks[c] - in) / in);
+      e.relativeError = std::max(e.relativeError, std::abs(e.absorbed[c] + e.toOpen[c] + e.toBacks[c] + e.inSolids[c] + e.cut[c] - in) / in);
   }
   return e;
 }

@@ -52,9 +52,10 @@ struct SweepSeconds {
 SweepSeconds measureSweeps(const FormFactorMatrix& f, const PatchSet& patches, const gpu::Device& device);
 
 // Power in and out of the scene, per channel [flux]; for a converged solution of a reciprocal F,
-// emitted + fromSky + fromPunctual = absorbed + toOpen + toBacks. Of punctual lights only what reaches surfaces counts.
+// emitted + fromSky + fromPunctual = absorbed + toOpen + toBacks + inSolids + cut. Of punctual lights only what reaches surfaces counts.
 struct EnergyBalance {
   Rgb emitted{0}, fromSky{0}, fromPunctual{0}, absorbed{0}, toOpen{0}, toBacks{0};
+  Rgb inSolids{0}, cut{0};  // taken by clear solids on the way; not followed among mirrors and glass
   double relativeError = 0;  // worst channel, relative to the power that comes in
 };
 EnergyBalance energyBalance(const FormFactorMatrix& f, const PatchSet& patches, const Solution& solution,

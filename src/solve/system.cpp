@@ -42,8 +42,17 @@ System::System(const FormFactorMatrix& f, const PatchSet& patches, const DirectL
     if (maxChannel(p.reflectance) > 0) reflecting.push_back(k);
   }
   std::vector<double> norms(reflecting.size());
+  const bool specular = patches.anySpecular();
   tbb::parallel_for(size_t{0}, norms.size(), [&](size_t k) {
-    norms[k] = maxChannel(patches.patches[reflecting[k]].reflectance) * f.rowSum(reflecting[k]);
+    const Patch& p = patches.patches[reflecting[k]];
+    if (!specular) {
+      norms[k] = maxChannel(p.reflectance) * f.rowSum(reflecting[k]);
+      return;
+    }
+    // What ends at a patch is what is not passed on: with entries above 1 towards mirrors, that is what must not grow.
+    Rgb ends(0);
+    f[reflecting[k]].forEach([&](size_t j, double value) { ends += value * (Rgb(1) - patches.patches[j].specular()); });
+    norms[k] = maxChannel(p.reflectance * ends / glm::max(Rgb(1) - p.specular(), Rgb(1e-12)));
   });
   for (size_t k = 0; k < norms.size(); ++k) {
     if (norms[k] > bound) worstRow = reflecting[k];

@@ -64,7 +64,9 @@ class System {
   Channels emission, reflectance, source;  // emission: without emitters apart; source: irradiance without F
   // Black patches have B = E: they stay out of the iteration.
   std::vector<size_t> reflecting;
-  double bound = 0;      // largest reflectance times row sum: no sweep multiplies the largest value by more
+  // Largest rho_i / (1 - s_i - t_i) sum_j F_ij (1 - s_j - t_j), with the mirror and transmission shares s and t: no sweep
+  // multiplies the largest value of B / (1 - s - t) by more.
+  double bound = 0;
   size_t worstRow = 0;   // where it is reached
 
  private:

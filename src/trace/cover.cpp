@@ -30,7 +30,7 @@ uint32_t insideObject(const Tracer& tracer, const FacetSet& facets, std::span<co
     uint32_t kept = 0;
     for (uint32_t k = 0; k < lanes; ++k) {
       const uint32_t facet = hits.facet[k];
-      if (facet == kNone || !tracer.seenFromBehind(facet, rays, k)) continue;
+      if (facet == kNone || !tracer.seenFromBehind(facet, rays, k) || facets.facets[facet].transmits) continue;
       if ((black >> left[k] & 1) != 0 && facets.facets[facet].doubleSided) continue;
       left[kept++] = left[k];
     }
@@ -84,6 +84,7 @@ ExposedArea findExposedArea(const Tracer& tracer, const FacetSet& facets, const 
       uint32_t lanes = 0, oneSided = 0;
       for (uint32_t k = 0; k < count; ++k) {
         if (hits.facet[k] == kNone || !tracer.seenFromBehind(hits.facet[k], up, k)) continue;
+        if (facets.facets[hits.facet[k]].transmits) continue;
         if (!facets.facets[hits.facet[k]].doubleSided) oneSided |= 1u << lanes;
         below[lanes] = points[first + k].point;
         number[lanes++] = first + k;

@@ -64,7 +64,15 @@ json gltfOf(const std::vector<TestSurface>& surfaces, const Placement& placement
                                 {"extras",
                                  {{"farol",
                                    {{"diffuse", {s.reflectance.r, s.reflectance.g, s.reflectance.b}},
+                                    {"specular", {s.mirror.r, s.mirror.g, s.mirror.b}},
+                                    {"transmission", {s.transmission.r, s.transmission.g, s.transmission.b}},
+                                    {"ior", s.ior},
+                                    {"solid", s.solid},
                                     {"emission", {s.emission.r, s.emission.g, s.emission.b}}}}}}});
+    if (s.attenuationDistance > 0) {
+      doc["materials"].back()["extensions"]["KHR_materials_volume"] = {
+          {"thicknessFactor", 1}, {"attenuationDistance", s.attenuationDistance}, {"attenuationColor", {0.1, 0.1, 0.1}}};
+    }
     doc["meshes"].push_back({{"primitives", json::array({{{"attributes", {{"POSITION", 2 * number}}},
                                                           {"indices", 2 * number + 1},
                                                           {"material", number}}})}});

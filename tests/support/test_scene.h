@@ -15,6 +15,10 @@ struct TestSurface {
   std::vector<std::vector<Vec3>> polygons;  // counter-clockwise from the front, fanned into triangles
   Rgb reflectance{0.5}, emission{0};        // exact, through extras.farol
   bool twoSided = false;
+  Rgb mirror{0}, transmission{0};
+  double ior = 1.5;
+  bool solid = false;
+  double attenuationDistance = 0;  // to a tenth; 0: clear
 };
 
 // A node transform that all surfaces share.
