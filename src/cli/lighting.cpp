@@ -1,5 +1,10 @@
 #include "cli/lighting.h"
 
+#include "formfactor/rays.h"
+
+#include <numeric>
+#include <tbb/enumerable_thread_specific.h>
+
 namespace farol {
 
 double samplesOf(const MethodSpec& s) {
@@ -27,8 +32,66 @@ DirectIrradiance LightingMaker::lamps(const LampPlan& plan, const Scene& scene, 
   return {methods_.tracer(), facets_, patches, plan.lamps, scene.lights, {options_.shadowRays, seed}};
 }
 
+namespace {
+
+// Takes rows of continued paths, one channel after the other, and keeps only the light of lamps apart that they bring.
+class LampLight : public RowStore {
+ public:
+  LampLight(const PatchSet& patches, double samples, DirectLight& direct, int c)
+      : patches_(patches), samples_(samples), direct_(direct), c_(c) {}
+  std::span<float> row(uint32_t /*patch*/) override {
+    std::vector<float>& row = rows_.local();
+    row.assign(patches_.size(), 0.0f);
+    return row;
+  }
+  void hits(uint32_t /*patch*/, std::span<const uint32_t> /*ids*/, float /*weight*/) override { rows_.local().clear(); }
+  void finish(uint32_t patch, const RowShares& /*shares*/) override {
+    double sum = 0, squares = 0;
+    const std::vector<float>& row = rows_.local();
+    for (size_t j = 0; j < row.size(); ++j) {
+      if (row[j] == 0 || !direct_.isApart(j)) continue;
+      const double light = patches_.patches[j].emission[c_];
+      sum += static_cast<double>(row[j]) * light;
+      squares += static_cast<double>(row[j]) * light * light;
+    }
+    direct_.irradiance[patch][c_] += sum;
+    const double variance = std::max(0.0, squares - sum * sum) / samples_;
+    direct_.deviation[patch] = std::hypot(direct_.deviation[patch], std::sqrt(variance));
+  }
+  RowStore* channel(int c) override { return c_ == 0 ? others_[static_cast<size_t>(c - 1)] : nullptr; }
+  void setChannels(RowStore* green, RowStore* blue) { others_ = {green, blue}; }
+
+ private:
+  const PatchSet& patches_;
+  double samples_;
+  DirectLight& direct_;
+  int c_;
+  std::array<RowStore*, 2> others_{};
+  tbb::enumerable_thread_specific<std::vector<float>> rows_;
+};
+
+}  // namespace
+
+// Shadow rays run straight from a lamp to a patch and stop at mirrors and glass. What these pass on of the lamps apart is
+// gathered by rays of its own, of whose paths only what comes after the first mirror or glass counts: nothing is lost and
+// nothing counted twice.
+void LightingMaker::addThroughMirrors(const PatchSet& patches, const MethodSpec& spec, uint64_t seed,
+                                      std::span<const uint32_t> rows, DirectLight& direct) const {
+  constexpr uint32_t kFewest = 1024;
+  RayOptions o;
+  o.rays = std::max(kFewest, spec.kind == MethodSpec::Kind::rays ? spec.rays : kFewest);
+  o.seed = mixBits(seed + 2);
+  o.limits = methods_.limits();
+  o.continuedOnly = true;
+  RayRowMaker maker(methods_.tracer(), facets_, patches, o);
+  LampLight red(patches, o.rays, direct, 0), green(patches, o.rays, direct, 1), blue(patches, o.rays, direct, 2);
+  red.setChannels(&green, &blue);
+  maker.makeRows(rows, red, [](size_t) {});
+  direct.rays += rows.size() * o.rays;
+}
+
 void LightingMaker::addDirect(const Scene& scene, const PatchSet& patches, const FormFactorMatrix& f,
-                              Replicates& replicates, Lighting& lighting) const {
+                              const MethodSpec& spec, Replicates& replicates, Lighting& lighting) const {
   replicates.direct.reset();
   if (lighting.plan.lamps.empty() && scene.lights.empty()) return;
   std::vector<double> exposed(patches.size());
@@ -36,6 +99,13 @@ void LightingMaker::addDirect(const Scene& scene, const PatchSet& patches, const
   lighting.direct = lamps(lighting.plan, scene, patches, options_.seed).compute(exposed);
   lighting.direct.apart = lighting.plan.apart;
   replicates.direct = lamps(lighting.plan, scene, patches, mixBits(options_.seed + 1)).compute(exposed, replicates.patches);
+  replicates.direct->apart = lighting.plan.apart;
+  if (patches.anySpecular() && !lighting.plan.lamps.empty()) {
+    std::vector<uint32_t> all(patches.size());
+    std::iota(all.begin(), all.end(), 0u);
+    addThroughMirrors(patches, spec, options_.seed, all, lighting.direct);
+    addThroughMirrors(patches, spec, mixBits(options_.seed + 1), replicates.patches, *replicates.direct);
+  }
   if (!scene.lights.empty())
     lighting.fromPunctual = lamps({}, scene, patches, options_.seed).compute(exposed).irradiance;
 }
@@ -44,7 +114,7 @@ Lighting LightingMaker::make(const Scene& scene, const PatchSet& patches, const 
                              const MethodSpec& spec, Replicates& replicates, const gpu::Device* device) const {
   Lighting lighting;
   lighting.plan = plan(patches, spec);
-  addDirect(scene, patches, f, replicates, lighting);
+  addDirect(scene, patches, f, spec, replicates, lighting);
   SolveOptions o;
   o.kind = options_.solver;
   o.residual = options_.residual;
@@ -54,6 +124,13 @@ Lighting LightingMaker::make(const Scene& scene, const PatchSet& patches, const 
   lighting.solution = solveRadiosity(f, patches, lighting.direct, scene, o, log_);
   lighting.error =
       irradianceError(f, patches, lighting.direct, lighting.solution, replicates, samplesOf(spec), sky);
+  for (int c = 1; c < 3 && f.coloured(); ++c) {
+    Replicates own = replicates;
+    if (own.rows) own.rows = replicates.rows->ofChannel(c);
+    const std::vector<double> error =
+        irradianceError(f.ofChannel(c), patches, lighting.direct, lighting.solution, own, samplesOf(spec), sky);
+    for (size_t i = 0; i < error.size(); ++i) lighting.error[i] = std::max(lighting.error[i], error[i]);
+  }
   return lighting;
 }
 

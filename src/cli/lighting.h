@@ -34,8 +34,10 @@ class LightingMaker {
   Lighting local(const Scene& scene, const PatchSet& patches) const;
 
  private:
-  void addDirect(const Scene& scene, const PatchSet& patches, const FormFactorMatrix& f, Replicates& replicates,
-                 Lighting& lighting) const;
+  void addDirect(const Scene& scene, const PatchSet& patches, const FormFactorMatrix& f, const MethodSpec& spec,
+                 Replicates& replicates, Lighting& lighting) const;
+  void addThroughMirrors(const PatchSet& patches, const MethodSpec& spec, uint64_t seed, std::span<const uint32_t> rows,
+                         DirectLight& direct) const;
 
   const Options& options_;
   const FacetSet& facets_;

@@ -176,6 +176,7 @@ std::unique_ptr<RowMaker> Methods::maker(const MethodSpec& spec) {
   RayOptions o;
   o.rays = spec.rays;
   o.seed = spec.seed;
+  o.limits = limits();
   return std::make_unique<RayRowMaker>(tracer(), facets_, patches_, o);
 }
 

@@ -5,6 +5,7 @@
 #include "formfactor/form_factors.h"
 #include "gpu/gpu.h"
 #include "trace/cover.h"
+#include "trace/ray_tree.h"
 
 #include <memory>
 #include <optional>
@@ -28,6 +29,7 @@ class Methods {
   std::unique_ptr<RowMaker> maker(const MethodSpec& spec);
 
   const Tracer& tracer();
+  TreeLimits limits() const { return {options_.maxDepth, options_.minWeight}; }
   const gpu::Device& device(const std::string& name = "");
   const ExposedArea& exposedArea();
 

@@ -82,6 +82,15 @@ void addFormFactors(CLI::App* app, Options& o, RawOptions& raw) {
   app->add_option("--rays", o.rays, "Rays per patch; 0: 256, or 4096 for factors and compare and with --emitters matrix")
       ->check(inRange<uint32_t>(0, 1u << 22))
       ->group("Form factors");
+  app->add_option("--max-depth", o.maxDepth, "Mirrors and glass that a path may meet one after the other")
+      ->check(inRange<uint32_t>(0, 1u << 20))
+      ->group("Mirrors and glass");
+  app->add_option("--min-weight", o.minWeight, "Paths that carry less are cut, in shares of a ray")
+      ->check(inRange<double>(0, 1))
+      ->group("Mirrors and glass");
+  app->add_option("--max-images", o.maxImages, "Raster: mirrored images per hemicube")
+      ->check(inRange<uint32_t>(0, 4096))
+      ->group("Mirrors and glass");
   app->add_option("--seed", o.seed, "Of all random choices: turns of hemicubes, shifts of rays")
       ->check(inRange<uint64_t>(0, UINT64_MAX))
       ->group("Form factors");
@@ -368,6 +377,11 @@ std::string explicitCommand(const Options& o, const MethodSpec& method) {
     add("--near-field", method.nearField ? "on" : "off");
   } else if (method.kind == MethodSpec::Kind::rays) {
     add("--rays", method.rays);
+  }
+  if (o.factors.empty()) {
+    add("--max-depth", o.maxDepth);
+    add("--min-weight", o.minWeight);
+    add("--max-images", o.maxImages);
   }
   add("--seed", o.seed);
   if (o.command == Command::factors) add("--by", o.by);

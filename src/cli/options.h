@@ -40,6 +40,9 @@ struct Options {
   int positions = 1;
   uint32_t rays = 0;  // 0: 256, or 4096 for factors, compare and with emitters in F
   bool nearField = true;
+  uint32_t maxDepth = 512;   // mirrors and glass met one after the other
+  double minWeight = 1e-4;   // of a path; what carries less is cut
+  uint32_t maxImages = 256;  // raster: mirrored images per hemicube
   uint64_t seed = 1;
   std::string factors;  // F kept in a file, instead of making it
   std::string by;  // factors: "surface" or "patch"; empty: from the file's ending

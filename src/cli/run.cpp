@@ -170,6 +170,7 @@ class Run {
       report_.clock.finish("device");
     }
     f_.emplace(patches_.size(), allowedBytes(options_), storage.storage);
+    if (patches_.colouredSpecular()) f_->addChannels();
     const std::unique_ptr<RowMaker> maker = methods_.maker(*spec_);
     // A kept F, or one for many lightings, may be lit from anywhere: it has a row for every patch.
     const bool all = maxChannel(options_.sky) > 0 || options_.output.ends_with(".npz") || !variants_.empty();
@@ -264,6 +265,7 @@ class Run {
     replicates_.patches = chooseProbes(patches_, std::max(replicates_.better ? kFewest / 2 : kFewest, patches_.size() / kShare));
     again.seed = mixBits(again.seed + 1);
     replicates_.rows.emplace(f_->size());
+    if (f_->coloured()) replicates_.rows->addChannels();
     methods_.maker(again)->makeRows(replicates_.patches, *replicates_.rows, [](size_t) {});
   }
 

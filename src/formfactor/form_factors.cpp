@@ -35,6 +35,17 @@ std::vector<float> FormFactorRow::expanded() const {
   return row;
 }
 
+void FormFactorMatrix::addChannels() {
+  maxBytes_ /= 3;
+  while (others_.size() < 2) others_.emplace_back(rows_.size(), maxBytes_, storage_);
+}
+
+uint64_t FormFactorMatrix::bytes() const {
+  uint64_t sum = bytes_;
+  for (const FormFactorMatrix& other : others_) sum += other.bytes_;
+  return sum;
+}
+
 void FormFactorMatrix::book(uint64_t rowBytes) {
   if ((std::atomic_ref(bytes_) += rowBytes) > maxBytes_) {
     throw Error(
@@ -131,6 +142,7 @@ double FormFactorMatrix::rowSum(size_t patch) const {
 }
 
 void FormFactorMatrix::keep(const std::vector<uint32_t>& patches) {
+  for (FormFactorMatrix& other : others_) other.keep(patches);
   const auto nothing = static_cast<uint32_t>(patches.size());
   std::vector<uint32_t> renumbered(rows_.size() + 1, nothing);
   for (uint32_t k = 0; k < patches.size(); ++k) renumbered[patches[k]] = k;

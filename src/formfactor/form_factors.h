@@ -81,6 +81,13 @@ class FormFactorMatrix : public RowStore {
   void hits(uint32_t patch, std::span<const uint32_t> ids, float weight) override;
   void finish(uint32_t patch, const RowShares& shares) override;
 
+  // Where coloured mirrors or glass make F depend on the channel, this is red's and green and blue have their own beside.
+  void addChannels();
+  bool coloured() const { return !others_.empty(); }
+  const FormFactorMatrix& ofChannel(int c) const { return c == 0 || others_.empty() ? *this : others_[static_cast<size_t>(c - 1)]; }
+  FormFactorMatrix& ofChannel(int c) { return c == 0 || others_.empty() ? *this : others_[static_cast<size_t>(c - 1)]; }
+  RowStore* channel(int c) override { return others_.empty() ? nullptr : &ofChannel(c); }
+
   // A row from its entries, ids ascending.
   void entries(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values);
 
@@ -91,7 +98,7 @@ class FormFactorMatrix : public RowStore {
   }
   const RowShares& shares(size_t patch) const { return shares_[patch]; }
   double rowSum(size_t patch) const;  // in double; 0 for a row that was not made
-  uint64_t bytes() const { return bytes_; }
+  uint64_t bytes() const;  // of all channels
   size_t denseRows() const { return count(&Row::dense); }     // in float32
   size_t packedRows() const { return count(&Row::steps); }    // in 16 bits
   double packingError() const;  // L1 error that 16 bits added to a row, at most
@@ -120,6 +127,7 @@ class FormFactorMatrix : public RowStore {
   Storage storage_;
   std::vector<Row> rows_;
   std::vector<RowShares> shares_;
+  std::vector<FormFactorMatrix> others_;  // of green and blue, or none
 };
 
 // Makes rows of F. Implementations sample the same integral and differ in who finds the visible facet.

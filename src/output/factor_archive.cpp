@@ -5,6 +5,7 @@
 #include "output/npy.h"
 
 #include <algorithm>
+#include <array>
 #include <cstring>
 #include <functional>
 #include <numeric>
@@ -14,6 +15,9 @@
 
 namespace farol {
 namespace {
+
+// Light can cross a mirror several times: entries towards mirrors and glass may exceed 1.
+constexpr float kMostFactor = 1024;
 
 // A member under way: its header, then what `more` appends, part after part, until it appends nothing.
 struct Member {
@@ -69,16 +73,23 @@ zip_int64_t readMember(void* state, void* data, zip_uint64_t length, zip_source_
   }
 }
 
-// Ascending ids of a row with their values.
-void compressed(const FormFactorRow& row, std::vector<int32_t>& ids, std::vector<float>& values) {
+// Ascending ids of a row, of entries that are not 0 in some channel, with the values of one channel.
+void compressed(const FormFactorMatrix& f, size_t i, int c, std::vector<int32_t>& ids, std::vector<float>& values) {
   ids.clear();
   values.clear();
-  const std::vector<float> all = row.expanded();
-  for (size_t j = 0; j < all.size(); ++j) {
-    if (all[j] == 0) continue;
+  std::array<std::vector<float>, 3> all;
+  const size_t channels = f.coloured() ? 3 : 1;
+  for (size_t k = 0; k < channels; ++k) all[k] = f.ofChannel(static_cast<int>(k))[i].expanded();
+  for (size_t j = 0; j < all[0].size(); ++j) {
+    if (all[0][j] == 0 && (channels == 1 || (all[1][j] == 0 && all[2][j] == 0))) continue;
     ids.push_back(static_cast<int32_t>(j));
-    values.push_back(all[j]);
+    values.push_back(all[static_cast<size_t>(c)][j]);
   }
+}
+
+// The members that hold values, one per channel where F is coloured.
+std::vector<std::string> dataMembers(bool coloured) {
+  return coloured ? std::vector<std::string>{"data_r", "data_g", "data_b"} : std::vector<std::string>{"data"};
 }
 
 }  // namespace
@@ -87,16 +98,18 @@ void writeFactorsNpz(const std::string& path, const FormFactorMatrix& f, const P
                      const KeptFactors& about) {
   const size_t n = f.size();
   std::vector<int64_t> starts{0};
-  std::vector<double> area, missed, backs, exposed, correction;
+  std::vector<double> area, exposed, correction;
+  std::vector<std::array<double, 3>> missed, backs, cut, absorbed;
   std::vector<int32_t> ids;
   std::vector<float> values;
   for (size_t i = 0; i < n; ++i) {
-    compressed(f[i], ids, values);
+    compressed(f, i, 0, ids, values);
     starts.push_back(starts.back() + static_cast<int64_t>(ids.size()));
     const RowShares& s = f.shares(i);
     area.push_back(patches.patches[i].area);
-    missed.push_back(s.missed);
-    backs.push_back(s.backs);
+    for (const auto& [to, what] : {std::pair(&missed, &RowShares::missed), std::pair(&backs, &RowShares::backs),
+                                   std::pair(&cut, &RowShares::cut), std::pair(&absorbed, &RowShares::absorbed)})
+      to->push_back({s.*what, f.ofChannel(1).shares(i).*what, f.ofChannel(2).shares(i).*what});
     exposed.push_back(s.exposed);
     correction.push_back(s.correction);
   }
@@ -120,19 +133,30 @@ void writeFactorsNpz(const std::string& path, const FormFactorMatrix& f, const P
   const Fingerprint& print = about.fingerprint;
   add("farol_hash", {"<u8", {3}}, bytesOf(std::vector<uint64_t>{print.geometry, print.patches, print.specular}));
   numbers("farol_area", area);
-  numbers("farol_missed", missed);
-  numbers("farol_backs", backs);
-  numbers("farol_cut", std::vector<double>(n, 0.0));  // nothing is cut while no mirrors are traced
+  for (const auto& [name, shares] : {std::pair("farol_missed", &missed), std::pair("farol_backs", &backs),
+                                     std::pair("farol_cut", &cut), std::pair("farol_absorbed", &absorbed)}) {
+    if (f.coloured()) {
+      add(name, {"<f8", {n, 3}}, bytesOf(*shares));
+    } else {
+      std::vector<double> alike;
+      for (const auto& s : *shares) alike.push_back(s[0]);
+      numbers(name, alike);
+    }
+  }
   numbers("farol_exposed", exposed);
   numbers("farol_correction", correction);
   text("format", "csr");
   add("shape", {"<i8", {2}}, bytesOf(std::vector<uint64_t>{n, n}));
   add("indptr", {index, {n + 1}}, std::move(startBytes));
-  for (const bool isIndex : {true, false}) {
-    add(isIndex ? "indices" : "data", {isIndex ? index : "<f4", {entries}}, "");
-    members.back()->more = [&, isIndex, row = size_t{0}](std::string& bytes) mutable {
+  std::vector<std::string> arrays = dataMembers(f.coloured());
+  arrays.insert(arrays.begin(), "indices");
+  for (size_t a = 0; a < arrays.size(); ++a) {
+    const bool isIndex = a == 0;
+    const int c = isIndex ? 0 : static_cast<int>(a) - 1;
+    add(arrays[a].c_str(), {isIndex ? index : "<f4", {entries}}, "");
+    members.back()->more = [&, isIndex, c, row = size_t{0}](std::string& bytes) mutable {
       for (; row < n && bytes.empty(); ++row) {
-        compressed(f[row], ids, values);
+        compressed(f, row, c, ids, values);
         if (!isIndex)
           bytes = bytesOf(values);
         else if (!wide)
@@ -284,12 +308,33 @@ FormFactorMatrix FactorArchive::load(size_t patches, uint64_t maxBytes) const {
   const auto shape = a.array<int64_t>("shape", "<i8", 2);
   if (shape[0] != static_cast<int64_t>(patches) || shape[1] != shape[0])
     throw Error("{}: holds {} x {} factors, the scene has {} patches", a.path, shape[0], shape[1], patches);
-  const auto missed = a.array<double>("farol_missed", "<f8", patches), backs = a.array<double>("farol_backs", "<f8", patches),
+  const bool coloured = zip_name_locate(a.archive, "data_r.npy", 0) >= 0;
+  const size_t channels = coloured ? 3 : 1;
+  const auto missed = a.array<double>("farol_missed", "<f8", channels * patches),
+             backs = a.array<double>("farol_backs", "<f8", channels * patches),
+             cut = a.array<double>("farol_cut", "<f8", channels * patches),
+             absorbed = a.array<double>("farol_absorbed", "<f8", channels * patches),
              exposed = a.array<double>("farol_exposed", "<f8", patches),
              correction = a.array<double>("farol_correction", "<f8", patches);
-  for (const char* unused : {"farol_area", "farol_cut"}) a.array<double>(unused, "<f8", patches);  // undamaged, that is all
+  a.array<double>("farol_area", "<f8", patches);  // undamaged, that is all
+  FormFactorMatrix f(patches, maxBytes);
+  if (coloured) f.addChannels();
+  for (int c = 0; c < static_cast<int>(channels); ++c) {
+    const auto sharesOf = [&](size_t i) {
+      const size_t at = channels * i + static_cast<size_t>(c);
+      return RowShares{missed[at], backs[at], exposed[i], correction[i], cut[at], absorbed[at]};
+    };
+    loadChannel(f.ofChannel(c), dataMembers(coloured)[static_cast<size_t>(c)], sharesOf);
+  }
+  return f;
+}
+
+void FactorArchive::loadChannel(FormFactorMatrix& f, const std::string& member,
+                                const std::function<RowShares(size_t)>& sharesOf) const {
+  const Impl& a = *impl_;
+  const size_t patches = f.size();
   const Impl again(a.path);  // libzip reads one member of an archive at a time
-  Impl::Reader indices(a, "indices"), data(again, "data");
+  Impl::Reader indices(a, "indices"), data(again, member);
   const bool wide = indices.header.descr == "<i8";
   std::vector<int64_t> starts;
   if (wide) {
@@ -306,10 +351,9 @@ FormFactorMatrix FactorArchive::load(size_t patches, uint64_t maxBytes) const {
 
   for (size_t i = 0; i < patches; ++i) {
     const int64_t count = starts[i + 1] - starts[i];
-    if (count > shape[0]) throw Error("{}: row {} has {} entries of at most {}", a.path, i, count, patches);
+    if (count > static_cast<int64_t>(patches)) throw Error("{}: row {} has {} entries of at most {}", a.path, i, count, patches);
   }
 
-  FormFactorMatrix f(patches, maxBytes);
   // Chunk after chunk: indices and data side by side, each with its checksum, then the rows on all cores.
   constexpr int64_t kChunkEntries = int64_t{1} << 19;
   std::vector<int64_t> wideIds;
@@ -334,17 +378,16 @@ FormFactorMatrix FactorArchive::load(size_t patches, uint64_t maxBytes) const {
       const auto rowValues = std::span(values).subspan(at, length);
       bool good = true;
       for (size_t k = 0; k < length; ++k) {
-        good &= rowIds[k] < patches && rowValues[k] >= 0 && rowValues[k] <= 1;
+        good &= rowIds[k] < patches && rowValues[k] >= 0 && rowValues[k] <= kMostFactor;
         if (k > 0) good &= rowIds[k] > rowIds[k - 1];
       }
-      if (!good) throw Error("{}: row {} has an entry outside the matrix or outside [0, 1]", a.path, i);
+      if (!good) throw Error("{}: row {} has an entry outside the matrix or outside [0, {}]", a.path, i, kMostFactor);
       f.entries(i, rowIds, rowValues);
-      f.finish(i, {missed[i], backs[i], exposed[i], correction[i]});
+      f.finish(i, sharesOf(i));
     });
   }
   indices.finish();
   data.finish();
-  return f;
 }
 
 }  // namespace farol

@@ -37,6 +37,8 @@ class FactorArchive {
   FormFactorMatrix load(size_t patches, uint64_t maxBytes) const;
 
  private:
+  void loadChannel(FormFactorMatrix& f, const std::string& member, const std::function<RowShares(size_t)>& sharesOf) const;
+
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };

@@ -90,8 +90,9 @@ void requireSteadyState(const FormFactorMatrix& f, const PatchSet& patches, cons
   for (int c = 0; c < 3; ++c) {
     std::vector<size_t> undrained;
     std::vector<bool> drained(patches.size(), false);
+    const FormFactorMatrix& own = f.ofChannel(c);
     for (size_t i = 0; i < patches.size(); ++i) {
-      const RowShares& s = f.shares(i);
+      const RowShares& s = own.shares(i);
       drained[i] = (patches.patches[i].reflectance + patches.patches[i].specular())[c] < 1 || s.missed > 0 || s.backs > 0 ||
                    s.cut > 0 || s.absorbed > 0 || s.exposed == 0;
       if (!drained[i]) undrained.push_back(i);
@@ -100,7 +101,7 @@ void requireSteadyState(const FormFactorMatrix& f, const PatchSet& patches, cons
       changed = false;
       std::vector<size_t> left;
       for (const size_t i : undrained) {
-        f[i].forEach([&](size_t j, double) {
+        own[i].forEach([&](size_t j, double) {
           if (drained[j]) drained[i] = true;
         });
         if (drained[i])
@@ -124,9 +125,7 @@ void requireSteadyState(const FormFactorMatrix& f, const PatchSet& patches, cons
   }
 }
 
-}  // namespace
-
-Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct,
+Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct,
                         const Scene& scene, const SolveOptions& options, const Log& log) {
   requireSteadyState(f, patches, scene, options.sky);
   const System system(f, patches, direct, options.sky);
@@ -211,6 +210,28 @@ Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, cons
   return result;
 }
 
+}  // namespace
+
+// Three F: each channel is solved with its own.
+Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct,
+                        const Scene& scene, const SolveOptions& options, const Log& log) {
+  Solution result = solveOneF(f, patches, direct, scene, options, log);
+  for (int c = 1; c < 3 && f.coloured(); ++c) {
+    const Solution own = solveOneF(f.ofChannel(c), patches, direct, scene, options, log);
+    for (size_t i = 0; i < patches.size(); ++i) {
+      result.radiosity[i][c] = own.radiosity[i][c];
+      result.irradiance[i][c] = own.irradiance[i][c];
+    }
+    result.converged &= own.converged;
+    result.sweeps += own.sweeps;
+    result.residual = std::max(result.residual, own.residual);
+    result.contraction = std::max(result.contraction, own.contraction);
+    result.bound = std::max(result.bound, own.bound);
+    result.error = std::max(result.error, own.error);
+  }
+  return result;
+}
+
 SweepSeconds measureSweeps(const FormFactorMatrix& f, const PatchSet& patches, const gpu::Device& device) {
   constexpr uint32_t kSweeps = 4;
   const System system(f, patches, {}, Rgb(0));
@@ -234,18 +255,21 @@ EnergyBalance energyBalance(const FormFactorMatrix& f, const PatchSet& patches, 
   EnergyBalance e;
   for (size_t i = 0; i < patches.size(); ++i) {
     const Patch& p = patches.patches[i];
-    const RowShares& s = f.shares(i);
-    const double area = p.area * s.exposed;
+    const auto share = [&](double RowShares::*what) {
+      return Rgb(f.shares(i).*what, f.ofChannel(1).shares(i).*what, f.ofChannel(2).shares(i).*what);
+    };
+    const double area = p.area * f.shares(i).exposed;
+    const Rgb missed = share(&RowShares::missed);
     e.emitted += area * p.emission;
     if (!fromPunctual.empty()) e.fromPunctual += area * (Rgb(1) - p.specular()) * fromPunctual[i];
     // Light is counted where it ends: of what arrives at a mirror only what the mirror does not pass on.
     const Rgb ending = Rgb(1) - p.specular();
-    e.fromSky += area * s.missed * ending * sky;
+    e.fromSky += area * missed * ending * sky;
     e.absorbed += area * (ending - p.reflectance) * solution.irradiance[i];
-    e.toOpen += area * s.missed * solution.radiosity[i];
-    e.toBacks += area * s.backs * solution.radiosity[i];
-    e.inSolids += area * s.absorbed * solution.radiosity[i];
-    e.cut += area * s.cut * solution.radiosity[i];
+    e.toOpen += area * missed * solution.radiosity[i];
+    e.toBacks += area * share(&RowShares::backs) * solution.radiosity[i];
+    e.inSolids += area * share(&RowShares::absorbed) * solution.radiosity[i];
+    e.cut += area * share(&RowShares::cut) * solution.radiosity[i];
   }
   for (int c = 0; c < 3; ++c) {
     const double in = e.emitted[c] + e.fromSky[c] + e.fromPunctual[c];
