@@ -103,6 +103,7 @@ void LightingMaker::addDirect(const Scene& scene, const PatchSet& patches, const
   if (patches.anySpecular() && !lighting.plan.lamps.empty()) {
     std::vector<uint32_t> all(patches.size());
     std::iota(all.begin(), all.end(), 0u);
+    std::erase_if(all, [&](uint32_t i) { return patches.patches[i].passesAll(); });
     addThroughMirrors(patches, spec, options_.seed, all, lighting.direct);
     addThroughMirrors(patches, spec, mixBits(options_.seed + 1), replicates.patches, *replicates.direct);
   }

@@ -421,8 +421,9 @@ class Run {
     SensorOptions o;
     o.seed = options_.seed;
     o.sky = options_.sky;
+    const RayTree tree(methods_.tracer(), facets_, patches_, methods_.limits());
     const auto readings =
-        readSensors(methods_.tracer(), facets_, patches_, lightings_.lamps(lighting_.plan, scene_, patches_, options_.seed),
+        readSensors(tree, methods_.tracer(), facets_, patches_, lightings_.lamps(lighting_.plan, scene_, patches_, options_.seed),
                     lighting_.direct, lighting_.solution, sensors_, o);
     writeSensorReadings(options_.sensorsOut, sensors_, readings);
     double low = 1e300, high = 0, mean = 0;
@@ -596,6 +597,12 @@ class Run {
     o.width = options_.width;
     o.height = options_.height;
     o.sky = options_.sky;
+    std::optional<RayTree> tree;
+    if (patches_.anySpecular()) {
+      tree.emplace(methods_.tracer(), facets_, patches_, methods_.limits());
+      o.tree = &*tree;
+      o.patches = &patches_;
+    }
     const Image image = renderView(device, scene_, facets_, irradiance, camera_, o, log_);
     report_.clock.finish("view");
     const double stops = std::exp2(options_.exposure);

@@ -188,7 +188,9 @@ std::vector<uint32_t> makeFormFactors(RowMaker& maker, PatchSet& patches, bool s
   while (!next.empty()) {
     for (const uint32_t i : next) active[i] = true;
     const size_t before = all.size();
-    maker.makeRows(next, f, [&](size_t rows) { progress.update(before + rows); });
+    std::vector<uint32_t> gathering = next;
+    std::erase_if(gathering, [&](uint32_t i) { return patches.patches[i].passesAll(); });
+    maker.makeRows(gathering, f, [&](size_t rows) { progress.update(before + rows); });
     all.insert(all.end(), next.begin(), next.end());
     if (all.size() == patches.size()) break;
     // Whatever the new rows see and nobody has asked for yet comes next.
@@ -299,7 +301,7 @@ FormFactorChecks checkFormFactors(const FormFactorMatrix& f, const PatchSet& pat
     c.rowSumMean += a * sums[i];
     c.correctionMin = std::min(c.correctionMin, s.correction);
     c.correctionMax = std::max(c.correctionMax, s.correction);
-    if (s.exposed > 0) {
+    if (s.exposed > 0 && !patches.patches[i].passesAll()) {
       c.rowSumMin = std::min(c.rowSumMin, sums[i]);
       c.rowSumMax = std::max(c.rowSumMax, sums[i]);
     }

@@ -140,7 +140,7 @@ class RowMaker {
 };
 
 // Makes the rows of all patches that light can reach: the front sides, emitting back sides, and every other
-// back side that one of these sees (with `sky` light, all). Patches that are left out are removed from
+// back side that one of these sees (with `sky` light, all). Inner sides of perfectly clear glass stay without a row. Patches that are left out are removed from
 // `patches`, and `f`, made for all of them, gets the size of what is left. Returns the patches kept, ascending, where
 // some were left out; empty otherwise.
 std::vector<uint32_t> makeFormFactors(RowMaker& maker, PatchSet& patches, bool sky, const Log& log, FormFactorMatrix& f);

@@ -42,6 +42,8 @@ struct Patch {
 
   bool emits() const { return maxChannel(emission) > 0; }
   Rgb specular() const { return mirror + transmission; }
+  // The inner side of perfectly clear glass: all that arrives is passed on, and nobody gathers there.
+  bool passesAll() const { return back && minChannel(specular()) > 1 - 1e-9; }
   bool isSpecular() const { return maxChannel(mirror) > 0 || maxChannel(transmission) > 0; }
 };
 

@@ -6,7 +6,19 @@
 
 namespace farol {
 
-std::vector<SensorReading> readSensors(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches,
+namespace {
+
+// The radiosity that paths over mirrors and glass bring.
+struct Gathered : PathSink {
+  explicit Gathered(const std::vector<Rgb>& b) : radiosity(b) {}
+  void met(const PathHit& hit) override { sum += hit.weight * radiosity[hit.patch]; }
+  const std::vector<Rgb>& radiosity;
+  Rgb sum{0};
+};
+
+}  // namespace
+
+std::vector<SensorReading> readSensors(const RayTree& tree, const Tracer& tracer, const FacetSet& facets, const PatchSet& patches,
                                        const DirectIrradiance& lamps, const DirectLight& direct,
                                        const Solution& solution, std::span<const Sensor> sensors,
                                        const SensorOptions& options) {
@@ -27,6 +39,7 @@ std::vector<SensorReading> readSensors(const Tracer& tracer, const FacetSet& fac
     std::vector<Rgb> block(SampleTable::kBlocks, Rgb(0));
     RayPacket packet;
     HitPacket hits;
+    std::vector<SpecularHit> specular;
     for (uint32_t k = 0; k < SampleTable::kBlocks; ++k) {
       for (uint32_t first = 0; first < perBlock; first += kPacketSize) {
         const uint32_t lanes = std::min(kPacketSize, perBlock - first);
@@ -44,8 +57,21 @@ std::vector<SensorReading> readSensors(const Tracer& tracer, const FacetSet& fac
           }
           const bool back = hitPatches.seenFromBehind(hits.facet[l], packet, l);
           const uint32_t patch = hitPatches.at(hits.facet[l], back, hits.u[l], hits.v[l]);
-          if (patch != kNone) block[k] += carried[patch];
+          if (patch == kNone) continue;
+          block[k] += carried[patch];
+          if (!tree.specular(patch)) continue;
+          const uint32_t facet = hits.facet[l];
+          specular.push_back({tree.pointOn(facet, static_cast<double>(hits.u[l]), static_cast<double>(hits.v[l])),
+                              glm::normalize(Vec3(packet.dx[l], packet.dy[l], packet.dz[l])), Rgb(1), facet, patch, back,
+                              kNone, 0});
         }
+      }
+      if (!specular.empty()) {
+        Gathered gathered(solution.radiosity);
+        PathEnds ends;
+        tree.follow(specular, gathered, ends);
+        block[k] += gathered.sum + ends.missed * options.sky;
+        specular.clear();
       }
       block[k] /= perBlock;
     }

@@ -49,8 +49,15 @@ shader::vec4 rowOf(const Row& r) {
 
 class Shader {
  public:
-  Shader(const Scene& scene, const FacetSet& facets, const NodeIrradiance& irradiance, const ViewOptions& options)
-      : scene_(scene), facets_(facets), irradiance_(irradiance), options_(options), sky_(options.sky / kPi) {}
+  Shader(const Scene& scene, const FacetSet& facets, const NodeIrradiance& irradiance, const Camera& camera,
+         const ViewOptions& options)
+      : scene_(scene),
+        facets_(facets),
+        irradiance_(irradiance),
+        camera_(camera),
+        eye_(facets.frame.toUnit(camera.position)),
+        options_(options),
+        sky_(options.sky / kPi) {}
 
   Rgb radiance(uint32_t seen, Vec2 uv) const {
     if (seen == kNothing) return sky_;
@@ -63,21 +70,62 @@ class Shader {
       const uint32_t cell = (back ? grid.backCell : grid.frontCell) + cellAt(grid, f.parallelogram, uv.x, uv.y);
       return (*options_.colors)[options_.patches->cellMap[cell]];
     }
-    const Surface& surface = scene_.surfaces[f.surface];
-    const Optics o = scene_.materials[surface.material].evaluate(scene_.textures, attributesAt(surface, f, uv.x, uv.y));
-    return (o.emission + o.diffuse * irradiance_.at(facet, back, uv.x, uv.y)) / kPi;
+    const Rgb own = scattered(facet, back, uv.x, uv.y);
+    const uint32_t patch = specularPatch(facet, back, uv);
+    return patch == kNone ? own : own + passedOn(facet, back, patch, uv);
   }
 
-  // One evaluation per facet and pixel is enough unless a texture varies within the pixel.
-  bool textured(uint32_t seen) const {
-    return seen != kNothing &&
-           scene_.materials[scene_.surfaces[facets_.facets[seen & ~shader::kBackBit].surface].material].textured();
+  // One evaluation per facet and pixel is enough unless a texture, or what a mirror shows, varies within the pixel.
+  bool varies(uint32_t seen) const {
+    if (seen == kNothing || options_.colors != nullptr) return false;
+    const uint32_t facet = seen & ~shader::kBackBit;
+    const bool back = (seen & shader::kBackBit) != 0;
+    return scene_.materials[scene_.surfaces[facets_.facets[facet].surface].material].textured() ||
+           specularPatch(facet, back, Vec2(0.5, 0.25)) != kNone;
   }
 
  private:
+  // Radiance that a surface emits and scatters.
+  Rgb scattered(uint32_t facet, bool back, double u, double v) const {
+    const Facet& f = facets_.facets[facet];
+    const Surface& surface = scene_.surfaces[f.surface];
+    const Optics o = scene_.materials[surface.material].evaluate(scene_.textures, attributesAt(surface, f, u, v));
+    return (o.emission + o.diffuse * irradiance_.at(facet, back, u, v)) / kPi;
+  }
+
+  // The patch there, where it is a mirror or glass that is traced; otherwise kNone.
+  uint32_t specularPatch(uint32_t facet, bool back, Vec2 uv) const {
+    if (options_.tree == nullptr || !irradiance_.has(facet, back)) return kNone;
+    const CellGrid& grid = options_.patches->grids[facet];
+    const uint32_t patch = options_.patches->cellMap[(back ? grid.backCell : grid.frontCell) +
+                                                     cellAt(grid, facets_.facets[facet].parallelogram, uv.x, uv.y)];
+    return patch != kNone && options_.tree->specular(patch) ? patch : kNone;
+  }
+
+  // Radiance that paths from the eye over this mirror or glass find.
+  Rgb passedOn(uint32_t facet, bool back, uint32_t patch, Vec2 uv) const {
+    struct Light : PathSink {
+      explicit Light(const Shader& s) : shade(s) {}
+      void met(const PathHit& hit) override {
+        if (shade.irradiance_.has(hit.facet, hit.back))
+          sum += hit.weight * shade.scattered(hit.facet, hit.back, static_cast<double>(hit.u), static_cast<double>(hit.v));
+      }
+      const Shader& shade;
+      Rgb sum{0};
+    } light(*this);
+    const Vec3 point = options_.tree->pointOn(facet, uv.x, uv.y);
+    const Vec3 direction = camera_.orthographic ? camera_.forward : glm::normalize(point - eye_);
+    const SpecularHit hit{point, direction, Rgb(1), facet, patch, back, options_.tree->mediumBehind(patch), 0};
+    PathEnds ends;
+    options_.tree->follow(std::span(&hit, 1), light, ends);
+    return light.sum + ends.missed * sky_;
+  }
+
   const Scene& scene_;
   const FacetSet& facets_;
   const NodeIrradiance& irradiance_;
+  const Camera& camera_;
+  Vec3 eye_;  // [unit coordinates]
   const ViewOptions& options_;
   Rgb sky_;
 };
@@ -95,7 +143,7 @@ Rgb shadePixel(const Shader& shade, const uint32_t* seen, const float* uv, uint3
     for (uint32_t i = 0; i < n; ++i) {
       const size_t at = static_cast<size_t>(j) * stride + i;
       const Vec2 here(uv[2 * at], uv[2 * at + 1]);
-      if (shade.textured(seen[at])) {
+      if (shade.varies(seen[at])) {
         sum += shade.radiance(seen[at], here);
         continue;
       }
@@ -137,7 +185,7 @@ Image renderView(const gpu::Device& device, const Scene& scene, const FacetSet& 
   const Vec3 origin = facets.frame.toUnit(camera.position);
   const double aspect = static_cast<double>(options.width) / options.height;
   const Projection4 whole = projectionOf(camera, aspect, facets.frame.size, glm::length(origin));
-  const Shader shade(scene, facets, irradiance, options);
+  const Shader shade(scene, facets, irradiance, camera, options);
   Image image{options.width, options.height, {}};
   image.rgb.resize(size_t{3} * options.width * options.height);
 

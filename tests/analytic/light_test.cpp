@@ -168,7 +168,8 @@ std::vector<SensorReading> read(const std::vector<TestSurface>& surfaces, const 
   if (!plan.lamps.empty()) direct = light.compute(std::vector<double>(run.patches.size(), 1.0));
   direct.apart = plan.apart;
   const Solution s = solveRadiosity(run.f, run.patches, direct, run.scene, {.residual = 1e-8}, Log(true));
-  return readSensors(run.tracer, run.facets, run.patches, light, direct, s, sensors, {});
+  const RayTree tree(run.tracer, run.facets, run.patches, {});
+  return readSensors(tree, run.tracer, run.facets, run.patches, light, direct, s, sensors, {});
 }
 
 std::vector<Sensor> someSensors() {
