@@ -36,6 +36,16 @@ MethodSpec specFrom(const Options& o, MethodSpec::Kind kind) {
   return {kind, o.resolution, o.projection, o.positions, o.nearField, "", raysOf(o), o.seed};
 }
 
+// Mirrors and glass need a method that follows them.
+void requireFollowed(const Situation& at, MethodSpec::Kind kind) {
+  if (kind == MethodSpec::Kind::rays || kind == MethodSpec::Kind::hybrid) return;
+  for (const Patch& p : at.patches.patches) {
+    if (!p.isSpecular()) continue;
+    throw Error("{}: surface '{}' is a mirror or clear glass, which --method {} does not follow; use rays or hybrid",
+                at.scene.path, surfaceNameOf(at.scene, p), methodName(kind));
+  }
+}
+
 // Closed forms where nothing can block and they cost little; rays, unless there is a GPU: then both make some rows and
 // rays must lead by 20 %.
 MethodChoice chooseMethod(const Situation& at) {
@@ -48,18 +58,21 @@ MethodChoice chooseMethod(const Situation& at) {
     }
   }
   if (o.method != "auto") {
-    return {specFrom(o, o.method == "raster" ? Kind::raster
-                        : o.method == "rays" ? Kind::rays
-                                             : Kind::exact),
-            "asked for"};
+    const Kind asked = o.method == "raster"   ? Kind::raster
+                       : o.method == "rays"   ? Kind::rays
+                       : o.method == "hybrid" ? Kind::hybrid
+                                              : Kind::exact;
+    requireFollowed(at, asked);
+    return {specFrom(o, asked), "asked for"};
   }
   constexpr double kSecondsPerPair = 6e-7, kExactSeconds = 5;
   const double n = static_cast<double>(at.patches.frontPatchCount);
-  if (o.command == Command::factors && o.rays == 0 && n * n * kSecondsPerPair / cores(o) < kExactSeconds &&
+  if (o.command == Command::factors && o.rays == 0 && !at.patches.anySpecular() && n * n * kSecondsPerPair / cores(o) < kExactSeconds &&
       whatMayBlock(at.scene, at.facets).empty()) {
     return {specFrom(o, Kind::exact), "nothing in the scene can block, and closed forms of all pairs cost little"};
   }
-  const MethodSpec byRays = specFrom(o, Kind::rays), byRaster = specFrom(o, Kind::raster);
+  const MethodSpec byRays = specFrom(o, Kind::rays),
+                   byRaster = specFrom(o, at.patches.anySpecular() ? Kind::hybrid : Kind::raster);
   // Looking for a GPU takes longer than many a scene's rays.
   constexpr double kSecondsPerRay = 3e-8, kWorthLooking = 1;
   if (n * raysOf(o) * kSecondsPerRay / cores(o) < kWorthLooking)

@@ -22,6 +22,9 @@ MethodSpec specFrom(const Options& options, MethodSpec::Kind kind);
 // Throws Error where closed forms are asked for and something may block.
 MethodChoice chooseMethod(const Situation& at);
 
+// Throws Error where the scene has mirrors or glass and the method does not follow them.
+void requireFollowed(const Situation& at, MethodSpec::Kind kind);
+
 // Rows of F that `spec` makes, measured.
 double rowsPerSecond(const Situation& at, const MethodSpec& spec, double seconds = 0.1);
 

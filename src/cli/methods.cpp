@@ -21,17 +21,18 @@ uint32_t numberIn(const std::string& text, uint32_t low, uint32_t high, const st
   return value;
 }
 
-// A near-field correction must live as long as the maker that uses it.
+// A near-field correction and paths must live as long as the maker that uses them.
 class CorrectedRaster : public RowMaker {
  public:
-  CorrectedRaster(std::unique_ptr<NearField> nearField, std::unique_ptr<RowMaker> rows)
-      : nearField_(std::move(nearField)), rows_(std::move(rows)) {}
+  CorrectedRaster(std::unique_ptr<NearField> nearField, std::unique_ptr<RayTree> tree, std::unique_ptr<RowMaker> rows)
+      : nearField_(std::move(nearField)), tree_(std::move(tree)), rows_(std::move(rows)) {}
   void makeRows(std::span<const uint32_t> patches, RowStore& store, const std::function<void(size_t)>& done) override {
     rows_->makeRows(patches, store, done);
   }
 
  private:
   std::unique_ptr<NearField> nearField_;
+  std::unique_ptr<RayTree> tree_;
   std::unique_ptr<RowMaker> rows_;
 };
 
@@ -48,8 +49,8 @@ MethodSpec parseMethod(const std::string& text) {
   const size_t colon = parts[0].find(':');
   const std::string kind = parts[0].substr(0, colon);
   std::string number = colon == std::string::npos ? "" : parts[0].substr(colon + 1);
-  if (kind == "raster") {
-    spec.kind = MethodSpec::Kind::raster;
+  if (kind == "raster" || kind == "hybrid") {
+    spec.kind = kind == "raster" ? MethodSpec::Kind::raster : MethodSpec::Kind::hybrid;
     if (const size_t at = number.find('@'); at != std::string::npos) {
       spec.device = number.substr(at + 1);
       number.resize(at);
@@ -63,13 +64,13 @@ MethodSpec parseMethod(const std::string& text) {
     spec.kind = MethodSpec::Kind::exact;
   } else {
     throw UsageError(
-        "'{}' is not a method: raster:R[@DEVICE][,tetrahedron][,positions=P][,near-field=on|off], rays:K, exact, or a "
+        "'{}' is not a method: raster:R[@DEVICE][,tetrahedron][,positions=P][,near-field=on|off], hybrid:R..., rays:K, exact, or a "
         "file of factors (.npz, .npy); gpu and cpu compare the solve",
         text);
   }
   for (size_t k = 1; k < parts.size(); ++k) {
     const std::string& part = parts[k];
-    const bool raster = spec.kind == MethodSpec::Kind::raster;
+    const bool raster = spec.hemicubes();
     if (raster && (part == "tetrahedron" || part == "hemicube"))
       spec.projection = part == "tetrahedron" ? Projection::tetrahedron : Projection::hemicube;
     else if (raster && part.starts_with("positions="))
@@ -85,7 +86,7 @@ MethodSpec parseMethod(const std::string& text) {
 std::string methodText(const MethodSpec& spec) {
   if (spec.kind == MethodSpec::Kind::exact) return "exact";
   if (spec.kind == MethodSpec::Kind::rays) return fmt::format("rays:{}", spec.rays);
-  std::string text = fmt::format("raster:{}{}{}", spec.resolution, spec.device.empty() ? "" : "@", spec.device);
+  std::string text = fmt::format("{}:{}{}{}", methodName(spec.kind), spec.resolution, spec.device.empty() ? "" : "@", spec.device);
   if (spec.projection == Projection::tetrahedron) text += ",tetrahedron";
   if (spec.positions > 1) text += fmt::format(",positions={}", spec.positions);
   if (spec.positions == 1 && !spec.nearField) text += ",near-field=off";
@@ -144,6 +145,11 @@ std::unique_ptr<RowMaker> Methods::rasterMaker(const MethodSpec& spec) {
   o.positions = spec.positions;
   o.seed = spec.seed;
   o.exposed = &exposedArea();
+  std::unique_ptr<RayTree> tree;
+  if (spec.kind == MethodSpec::Kind::hybrid && patches_.anySpecular()) {
+    tree = std::make_unique<RayTree>(tracer(), facets_, patches_, limits());
+    o.tree = tree.get();
+  }
   std::unique_ptr<NearField> nearField;
   if (spec.nearField && spec.positions == 1) {
     nearField = std::make_unique<NearField>(tracer(), facets_, patches_, exposedArea(), spec.seed);
@@ -166,12 +172,12 @@ std::unique_ptr<RowMaker> Methods::rasterMaker(const MethodSpec& spec) {
   // Chunks of several batches keep a device busy while the host stores rows, and are still small enough to share.
   constexpr size_t kBatchesPerChunk = 3;
   const size_t chunk = kBatchesPerChunk * batch / static_cast<size_t>(spec.positions);
-  return std::make_unique<CorrectedRaster>(std::move(nearField),
+  return std::make_unique<CorrectedRaster>(std::move(nearField), std::move(tree),
                                            std::make_unique<TeamRowMaker>(std::move(makers), chunk));
 }
 
 std::unique_ptr<RowMaker> Methods::maker(const MethodSpec& spec) {
-  if (spec.kind == MethodSpec::Kind::raster) return rasterMaker(spec);
+  if (spec.hemicubes()) return rasterMaker(spec);
   if (spec.kind == MethodSpec::Kind::exact) return std::make_unique<ExactRowMaker>(facets_, patches_);
   RayOptions o;
   o.rays = spec.rays;

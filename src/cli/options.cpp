@@ -62,8 +62,8 @@ void addPatches(CLI::App* app, Options& o) {
 }
 
 void addFormFactors(CLI::App* app, Options& o, RawOptions& raw) {
-  app->add_option("--method", o.method, "How rows of F are made: raster, rays, or exact (closed forms; nothing may block)")
-      ->check(CLI::IsMember({"auto", "raster", "rays", "exact"}))
+  app->add_option("--method", o.method, "How rows of F are made: raster, rays, hybrid (raster, rays from mirrors and glass), or exact (closed forms)")
+      ->check(CLI::IsMember({"auto", "raster", "rays", "hybrid", "exact"}))
       ->group("Form factors");
   app->add_option("--resolution", o.resolution, "Pixels along a hemicube's edge, even")
       ->check(inRange<uint32_t>(8, 1024))
@@ -228,7 +228,7 @@ const char* commandName(Command command) {
 }
 
 const char* methodName(MethodSpec::Kind kind) {
-  constexpr const char* names[] = {"raster", "rays", "exact"};
+  constexpr const char* names[] = {"raster", "rays", "exact", "hybrid"};
   return names[static_cast<size_t>(kind)];
 }
 
@@ -290,7 +290,7 @@ Options parseOptions(int argc, char** argv, bool& handled) {
   factors->add_option("--by", o.by, "surface or patch; default: surface for .csv, patch otherwise")
       ->check(CLI::IsMember({"surface", "patch"}))
       ->group("Results");
-  const char* methodHelp = "raster:R[@DEVICE][,tetrahedron][,positions=P][,near-field=off], rays:K, exact, F.npz, F.npy; or gpu and cpu";
+  const char* methodHelp = "raster:R[@DEVICE][,tetrahedron][,positions=P][,near-field=off], hybrid:R[...], rays:K, exact, F.npz, F.npy; or gpu and cpu";
   compare->add_option("A", o.methodA, methodHelp)->required();
   compare->add_option("B", o.methodB, methodHelp)->required();
   compare->add_option("-o,--output", o.output, "Picture of where they differ: .png")->group("Results");
@@ -370,7 +370,7 @@ std::string explicitCommand(const Options& o, const MethodSpec& method) {
   else if (o.command != Command::compare) add("--method", methodName(method.kind));
   if (!o.factors.empty()) {
     // the file says how F was made
-  } else if (method.kind == MethodSpec::Kind::raster) {
+  } else if (method.hemicubes()) {
     add("--resolution", method.resolution);
     add("--projection", projectionName(method.projection));
     add("--positions", method.positions);

@@ -13,8 +13,9 @@ enum class Command { none, render, solve, factors, compare, info, devices };
 
 // One way to make rows of F, with its settings.
 struct MethodSpec {
-  enum class Kind { raster, rays, exact };
+  enum class Kind { raster, rays, exact, hybrid };
   Kind kind = Kind::rays;
+  bool hemicubes() const { return kind == Kind::raster || kind == Kind::hybrid; }
   uint32_t resolution = 64;
   Projection projection = Projection::hemicube;
   int positions = 1;

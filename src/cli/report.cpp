@@ -131,6 +131,7 @@ void writeReport(const std::string& path, const Report& r) {
                   {"shadow_rays", r.shadowRays}};
   }
   j["matrix_bytes"] = r.matrixBytes;
+  j["three_form_factors"] = r.coloured;
   if (!r.storageWhy.empty()) {
     j["storage"] = {{"rows_float32", r.denseRows},
                     {"rows_16_bit", r.packedRows},

@@ -53,6 +53,7 @@ struct Report {
   double area = 0;  // of all patches [scene units squared]
   size_t degenerate = 0, duplicate = 0, welded = 0;
   uint64_t matrixBytes = 0;  // of F
+  bool coloured = false;     // one F per channel, as coloured mirrors or glass ask
   size_t denseRows = 0, packedRows = 0;  // in float32 and in 16 bits; the others are lists
   double packingError = 0;               // L1 error that 16 bits added to a row, at most
   std::string storageWhy;

@@ -165,7 +165,7 @@ class Run {
   void makeF() {
     const StorageChoice storage = chooseStorage(situation_, *spec_);
     report_.storageWhy = storage.why;
-    if (spec_->kind == MethodSpec::Kind::raster) {
+    if (spec_->hemicubes()) {
       methods_.device();
       report_.clock.finish("device");
     }
@@ -206,6 +206,8 @@ class Run {
 
   void reportStorage() {
     report_.matrixBytes = f_->bytes();
+    report_.coloured = f_->coloured();
+    if (f_->coloured()) say("mirrors or glass are coloured: one F per channel");
     report_.denseRows = f_->denseRows();
     report_.packedRows = f_->packedRows();
     report_.packingError = f_->packingError();
@@ -257,7 +259,7 @@ class Run {
     if (spec_->kind == MethodSpec::Kind::exact) return;
     constexpr size_t kFewest = 384, kShare = 16;
     MethodSpec again = *spec_;
-    if (again.kind == MethodSpec::Kind::raster) {
+    if (again.hemicubes()) {
       again.kind = MethodSpec::Kind::rays;
       again.rays = 65536;
       replicates_.better = true;
@@ -517,6 +519,7 @@ class Run {
       if (isFile(text)) return std::optional<MethodSpec>();
       std::optional<MethodSpec> spec = parseMethod(text);
       spec->seed = options_.seed;
+      requireFollowed(situation_, spec->kind);
       const std::string blocker = spec->kind == MethodSpec::Kind::exact ? whatMayBlock(scene_, facets_) : "";
       if (!blocker.empty()) throw Error("{}: closed forms hold only where nothing can block: {}", options_.scene, blocker);
       return spec;

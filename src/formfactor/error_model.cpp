@@ -20,10 +20,14 @@ std::vector<double> ProbeRows::error(const FormFactorMatrix& f, size_t which, ui
 }
 
 std::vector<uint32_t> chooseProbes(const PatchSet& patches, size_t count) {
-  const size_t n = patches.size();
+  std::vector<uint32_t> gathering;
+  for (uint32_t i = 0; i < patches.size(); ++i) {
+    if (!patches.patches[i].passesAll()) gathering.push_back(i);
+  }
+  const size_t n = gathering.size();
   count = std::min(count, n);
   std::vector<uint32_t> chosen;
-  for (size_t k = 0; k < count; ++k) chosen.push_back(static_cast<uint32_t>((2 * k + 1) * n / (2 * count)));
+  for (size_t k = 0; k < count; ++k) chosen.push_back(gathering[(2 * k + 1) * n / (2 * count)]);
   return chosen;
 }
 

@@ -2,6 +2,7 @@
 
 #include "base/error.h"
 #include "formfactor/facet_mesh.h"
+#include "formfactor/hybrid.h"
 #include "formfactor/near_field.h"
 #include "patch/positions.h"
 #include "shaders/hemicube.frag.h"
@@ -12,6 +13,7 @@
 #include "shaders/hemicube_reduce.comp.h"
 #include "shared/interface.h"
 
+#include <optional>
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 
@@ -71,16 +73,21 @@ struct Hemicube {
   bool last;    // of its patch
 };
 
-shader::HemicubeFrame frameOf(const Hemicube& h, const Vec3& normal) {
+HemicubePose poseOf(const Hemicube& h, const Vec3& normal) {
   const Vec3 t = anyPerpendicular(normal), b = glm::cross(normal, t);
   const double c = std::cos(h.turn), s = std::sin(h.turn);
-  return {toVec4(h.point), toVec4(c * t + s * b), toVec4(c * b - s * t), toVec4(normal)};
+  return {h.point, c * t + s * b, c * b - s * t, normal};
+}
+
+shader::HemicubeFrame frameOf(const HemicubePose& p) {
+  return {toVec4(p.origin), toVec4(p.x), toVec4(p.y), toVec4(p.z)};
 }
 
 // A row under way: weighted counts of the positions seen so far, in order, in double.
 struct Accumulator {
-  std::vector<double> sums;  // [bins]
-  double exposed = 0;        // weight of the positions that are not inside a solid
+  std::vector<double> sums;    // [bins]
+  double exposed = 0;          // weight of the positions that are not inside a solid
+  ContinuedEntries continued;  // hybrid: what paths add, in shares of a position's weight
 
   void clear(size_t bins) {
     sums.assign(bins, 0.0);
@@ -96,10 +103,36 @@ struct Accumulator {
 
   void store(RowStore& store, uint32_t patch, double share) const {
     const size_t patches = sums.size() - 2;
-    const std::span<float> row = store.row(patch);
     const double scale = exposed > 0 ? 1 / (kFullHemisphere * exposed) : 0;
-    for (size_t j = 0; j < patches; ++j) row[j] = static_cast<float>(scale * sums[j]);
-    store.finish(patch, {scale * sums[patches], scale * sums[patches + 1], share});
+    if (continued.specular > 0) {
+      std::vector<double> first(sums.begin(), sums.begin() + static_cast<std::ptrdiff_t>(patches));
+      for (double& value : first) value *= scale;
+      return storeContinued(store, patch, first, continued, 1 / exposed, {scale * sums[patches], scale * sums[patches + 1], share});
+    }
+    for (int c = 0; c < 3; ++c) {
+      RowStore* to = c == 0 ? &store : store.channel(c);
+      if (to == nullptr) break;
+      const std::span<float> row = to->row(patch);
+      for (size_t j = 0; j < patches; ++j) row[j] = static_cast<float>(scale * sums[j]);
+      to->finish(patch, {scale * sums[patches], scale * sums[patches + 1], share});
+    }
+  }
+
+  // A row of what pixels see first and of what paths add, `scale` times.
+  static void storeContinued(RowStore& store, uint32_t patch, std::span<const double> first,
+                             const ContinuedEntries& more, double scale, const RowShares& shares) {
+    for (int c = 0; c < more.channels(); ++c) {
+      RowStore& to = c == 0 ? store : *store.channel(c);
+      const std::span<float> row = to.row(patch);
+      for (size_t j = 0; j < row.size(); ++j) row[j] = static_cast<float>(first[j] + scale * more.of(c)[j]);
+      RowShares own = shares;
+      own.missed += scale * more.ends.missed[c];
+      own.backs += scale * more.ends.backs[c];
+      own.cut = scale * more.ends.cut[c];
+      own.absorbed = scale * more.ends.absorbed[c];
+      own.specular = scale * more.specular;
+      to.finish(patch, own);
+    }
   }
 };
 
@@ -108,7 +141,7 @@ struct Accumulator {
 struct RasterRowMaker::Impl {
   // One of two batches under way: while the device works on one, the host stores the rows of the other.
   struct Slot {
-    gpu::Buffer frames, rows;
+    gpu::Buffer frames, rows, seen;  // seen: items, for hybrid
     gpu::Bindings cullBindings, drawBindings;
     gpu::Commands commands;
     std::vector<Hemicube> hemicubes;
@@ -153,17 +186,23 @@ struct RasterRowMaker::Impl {
       gpu::Bindings cullBindings(d, fmt::format("{} culling", name),
                                  {&frames, &clusterRecords, &faceRecords, &visible, &draws});
       gpu::Bindings drawBindings(d, name, {&records, &frames, &visible});
+      gpu::Buffer seen(d, fmt::format("{} items", name), o.tree != nullptr ? uint64_t{4} * pixels * layers : 0,
+                       gpu::Memory::download);
       slots.push_back({std::move(frames),
                        std::move(rows),
+                       std::move(seen),
                        std::move(cullBindings),
                        std::move(drawBindings),
                        gpu::Commands(d, name),
                        {}});
     }
+    if (o.tree != nullptr) paths.emplace(*o.tree, f, p, layout, quantisedFormFactors(o.projection, o.resolution));
   }
 
   // Colour, depth and items per pixel; sums and two downloads per bin; lists of visible clusters.
-  uint64_t bytesPerLayer() const { return uint64_t{12} * pixels + uint64_t{12} * bins + uint64_t{4} * drawCount(); }
+  uint64_t bytesPerLayer() const {
+    const uint64_t seen = options.tree != nullptr ? uint64_t{8} * pixels : 0;
+    return seen + uint64_t{12} * pixels + uint64_t{12} * bins + uint64_t{4} * drawCount(); }
 
   uint64_t drawCount() const { return uint64_t{layout.faces.size()} * clusterCountOf(facets); }
 
@@ -222,7 +261,7 @@ struct RasterRowMaker::Impl {
     const auto count = static_cast<uint32_t>(slot.hemicubes.size());
     const auto frames = slot.frames.as<shader::HemicubeFrame>();
     for (uint32_t k = 0; k < count; ++k) {
-      frames[k] = frameOf(slot.hemicubes[k], patches.patches[slot.hemicubes[k].patch].normal);
+      frames[k] = frameOf(poseOf(slot.hemicubes[k], patches.patches[slot.hemicubes[k].patch].normal));
     }
     gpu::Commands& commands = slot.commands;
     commands.begin();
@@ -246,6 +285,7 @@ struct RasterRowMaker::Impl {
     constexpr uint32_t kPixelsPerGroup = shader::kReduceGroupSize * shader::kReducePixelsPerLane;
     commands.dispatch((pixels + kPixelsPerGroup - 1) / kPixelsPerGroup, count);
     commands.copy(sums, slot.rows, uint64_t{4} * bins * count);
+    if (paths) commands.copy(items, slot.seen, uint64_t{4} * pixels * count);
     commands.submit();
   }
 
@@ -253,6 +293,35 @@ struct RasterRowMaker::Impl {
   double exposedShare(uint32_t patch, double positions) const {
     return options.exposed != nullptr ? std::min<double>(options.exposed->share[patch], positions > 0 ? 1 : 0)
                                       : positions;
+  }
+
+  // Adds what paths find from the slot's k-th hemicube; `factors` as for PixelPaths.
+  void addPaths(const Slot& slot, size_t k, double weight, std::span<const double> factors, ContinuedEntries& to) const {
+    const Hemicube& h = slot.hemicubes[k];
+    paths->follow(slot.seen.as<const uint32_t>().data() + k * pixels, poseOf(h, patches.patches[h.patch].normal), weight,
+                  factors, options.tree->mediumBehind(h.patch), to);
+  }
+
+  // The same with paths: where the near field changes what is seen first, paths from there carry as much more or less.
+  void storeSingleHybrid(RowStore& store, const Slot& slot, size_t k, const uint32_t* counts) {
+    const uint32_t patch = slot.hemicubes[k].patch;
+    const double share = counts[bins - 1] == kAllBacks ? 0 : exposedShare(patch, 1);
+    Accumulator& scratchRow = scratch.local();
+    scratchRow.continued.clear(patches.size(), store.channel(1) != nullptr ? 3 : 1);
+    std::vector<float> row(patches.size(), 0.0f);
+    RowShares shares{0, 0, 0};
+    if (share > 0) {
+      for (size_t j = 0; j < row.size(); ++j) row[j] = static_cast<float>(counts[j] / kFullHemisphere);
+      shares = {counts[bins - 2] / kFullHemisphere, counts[bins - 1] / kFullHemisphere, share};
+      if (options.nearField != nullptr) options.nearField->correct(patch, row, shares);
+      std::vector<double> factors(row.size(), 1.0);
+      for (size_t j = 0; j < row.size(); ++j) {
+        if (counts[j] > 0) factors[j] = static_cast<double>(row[j]) * kFullHemisphere / counts[j];
+      }
+      addPaths(slot, k, 1, factors, scratchRow.continued);
+    }
+    const std::vector<double> first(row.begin(), row.end());
+    Accumulator::storeContinued(store, patch, first, scratchRow.continued, 1, shares);
   }
 
   // One position: no sum to keep.
@@ -287,21 +356,31 @@ struct RasterRowMaker::Impl {
     }
     const auto counts = slot.rows.as<const uint32_t>();
     const auto addRun = [&](const Run& run, Accumulator& to) {
-      for (size_t k = run.first; k <= run.last; ++k) to.add(counts.data() + k * bins, slot.hemicubes[k].weight);
+      for (size_t k = run.first; k <= run.last; ++k) {
+        const uint32_t* own = counts.data() + k * bins;
+        to.add(own, slot.hemicubes[k].weight);
+        if (paths && own[bins - 1] != kAllBacks) addPaths(slot, k, slot.hemicubes[k].weight, {}, to.continued);
+      }
+    };
+    const int channels = store.channel(1) != nullptr ? 3 : 1;
+    const auto clear = [&](Accumulator& to) {
+      to.clear(bins);
+      if (paths) to.continued.clear(patches.size(), channels);
     };
     const auto open = [&](size_t r) { return !slot.hemicubes[runs[r].last].last || (r == 0 && carrying); };
     tbb::parallel_for(size_t{0}, runs.size(), [&](size_t r) {
       if (open(r)) return;
       const Hemicube& only = slot.hemicubes[runs[r].first];
+      if (options.positions == 1 && paths) return storeSingleHybrid(store, slot, runs[r].first, counts.data() + runs[r].first * bins);
       if (options.positions == 1) return storeSingle(store, only.patch, counts.data() + runs[r].first * bins);
       Accumulator& row = scratch.local();
-      row.clear(bins);
+      clear(row);
       addRun(runs[r], row);
       storeSum(row, store, slot.hemicubes[runs[r].first].patch);
     });
     for (size_t r = 0; r < runs.size(); ++r) {
       if (!open(r)) continue;
-      if (!carrying) carry.clear(bins);
+      if (!carrying) clear(carry);
       addRun(runs[r], carry);
       carrying = !slot.hemicubes[runs[r].last].last;
       if (!carrying) storeSum(carry, store, slot.hemicubes[runs[r].first].patch);
@@ -361,6 +440,7 @@ struct RasterRowMaker::Impl {
   gpu::ComputePipeline cull, reduce;
   gpu::Bindings reduceBindings;
   std::vector<Slot> slots;
+  std::optional<PixelPaths> paths;  // hybrid
   tbb::enumerable_thread_specific<Accumulator> scratch;
   Accumulator carry;
   bool carrying = false;

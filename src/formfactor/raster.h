@@ -7,6 +7,7 @@
 #include "formfactor/projection.h"
 #include "gpu/gpu.h"
 #include "trace/cover.h"
+#include "trace/ray_tree.h"
 
 #include <memory>
 
@@ -24,6 +25,7 @@ struct RasterOptions {
   bool layered = true;                          // draw all layers at once where the device can
   bool turned = true;                           // about the normal; otherwise grids are in step (for comparison)
   const NearField* nearField = nullptr;         // corrects rows of one position; must outlive the maker
+  const RayTree* tree = nullptr;                // hybrid: paths go on from mirrors and glass; must outlive the maker
   const ExposedArea* exposed = nullptr;         // where partly covered patches are seen from; must outlive the maker
 };
 

@@ -49,12 +49,12 @@ Rgb RayTree::passed(uint32_t medium, double distance) const {
 }
 
 void RayTree::spawnRay(const Vec3& origin, const Vec3& direction, const Rgb& weight, uint32_t medium, uint32_t depth,
-                       std::vector<Ray>& rays, PathEnds& ends) const {
+                       double share, std::vector<Ray>& rays, PathEnds& ends) const {
   if (maxChannel(weight) <= 0) return;
-  if (depth > limits_.maxDepth || maxChannel(weight) < limits_.minWeight)
+  if (depth > limits_.maxDepth || maxChannel(weight) < limits_.minWeight * share)
     ends.cut += weight;
   else
-    rays.push_back({origin, direction, weight, medium, depth});
+    rays.push_back({origin, direction, weight, medium, depth, share});
 }
 
 void RayTree::spawn(const SpecularHit& hit, std::vector<Ray>& rays, PathEnds& ends) const {
@@ -81,11 +81,11 @@ void RayTree::spawn(const SpecularHit& hit, std::vector<Ray>& rays, PathEnds& en
     mirrored += optics.transmission * reflectance;
     if (reflectance < 1) {
       spawnRay(hit.point - kRayOffset * normal, through, hit.weight * optics.transmission * (1 - reflectance), beyond,
-               hit.depth + 1, rays, ends);
+               hit.depth + 1, hit.share, rays, ends);
     }
   }
   spawnRay(hit.point + kRayOffset * normal, hit.direction + 2 * cosine * normal, hit.weight * mirrored, here,
-           hit.depth + 1, rays, ends);
+           hit.depth + 1, hit.share, rays, ends);
 }
 
 void RayTree::follow(std::span<const SpecularHit> hits, PathSink& sink, PathEnds& ends) const {
@@ -134,7 +134,7 @@ void RayTree::follow(std::span<const SpecularHit> hits, PathSink& sink, PathEnds
         continue;
       }
       sink.met({facet, patch, back, found.u[k], found.v[k], weight});
-      if (specular) spawn({point, ray.direction, weight, facet, patch, back, ray.medium, ray.depth}, rays, ends);
+      if (specular) spawn({point, ray.direction, weight, facet, patch, back, ray.medium, ray.depth, ray.share}, rays, ends);
     }
   }
 }

@@ -22,6 +22,7 @@ struct SpecularHit {
   bool back = false;
   uint32_t medium = kNone;  // surface of the solid that the ray came through; kNone: air
   uint32_t depth = 0;       // specular surfaces met before
+  double share = 1;         // weight at the start of the path, which branches are cut in shares of
 };
 
 // Something that a path met, specular or not.
@@ -64,10 +65,11 @@ class RayTree {
     Vec3 origin, direction;
     Rgb weight;
     uint32_t medium, depth;
+    double share;
   };
   void spawn(const SpecularHit& hit, std::vector<Ray>& rays, PathEnds& ends) const;
   void spawnRay(const Vec3& origin, const Vec3& direction, const Rgb& weight, uint32_t medium, uint32_t depth,
-                std::vector<Ray>& rays, PathEnds& ends) const;
+                double share, std::vector<Ray>& rays, PathEnds& ends) const;
 
   struct PatchOptics {
     Rgb mirror, transmission;

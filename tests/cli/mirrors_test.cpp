@@ -1,0 +1,143 @@
+// Mirrors and glass as users meet them: lamps apart, coloured mirrors, kept factors, refusals, the picture.
+#include "program.h"
+#include "test_scene.h"
+
+#include <cmath>
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+
+namespace farol::test {
+namespace {
+
+using nlohmann::json;
+using ::testing::HasSubstr;
+
+// A lamp under the ceiling, half hidden by a screen from the floor, and a mirror for a wall.
+class Mirrors : public ::testing::Test {
+ protected:
+  Mirrors() {
+    room_ = closedBox({2, 3, 2.5}, Rgb(0.5));
+    room_[0].reflectance = Rgb(0.1);
+    room_[0].mirror = Rgb(0.8);
+    room_.push_back({"lamp", {{{0.8, 1.2, 2.4}, {0.8, 1.8, 2.4}, {1.2, 1.8, 2.4}, {1.2, 1.2, 2.4}}}, Rgb(0), Rgb(50)});
+    room_.push_back({"screen", {{{0.6, 1, 2}, {1.6, 1, 2}, {1.6, 2, 2}, {0.6, 2, 2}}}, Rgb(0.3), Rgb(0), true});
+    write();
+  }
+  std::string path(const std::string& name) const { return folder_.path(name); }
+  void write() const { writeText(path("room.gltf"), gltfOf(room_).dump()); }
+  // Area-weighted mean and rms of a column, and the whole column.
+  struct Column {
+    std::vector<double> values;
+    double mean = 0;
+  };
+  Column solve(const std::string& how, size_t column = 18) const {
+    const Outcome o = farol("solve " + path("room.gltf") + " " + how + " --patches-csv " + path("p.csv") + " --report " + path("r.json"));
+    EXPECT_EQ(o.exitCode, 0) << o.err;
+    EXPECT_EQ(o.err.find("warning"), std::string::npos) << o.err;
+    Column c;
+    double area = 0;
+    const auto lines = readCsv(path("p.csv"));
+    for (size_t k = 1; k < lines.size(); ++k) {
+      const double a = std::stod(lines[k].at(8));
+      c.values.push_back(std::stod(lines[k].at(column)));
+      c.mean += a * c.values.back();
+      area += a;
+    }
+    c.mean /= area;
+    return c;
+  }
+  json report() const { return json::parse(readText(path("r.json"))); }
+
+  TemporaryFolder folder_;
+  std::vector<TestSurface> room_;
+};
+
+// Light that reaches a patch only through the mirror is neither lost nor counted twice: lamps apart and in F agree, by
+// rays and by hybrid, and energy is kept.
+TEST_F(Mirrors, LampsApartLoseNothing) {
+  const Column matrix = solve("--patches 400 --emitters matrix --rays 65536");
+  EXPECT_LT(report()["energy"]["relative_error"], 0.005);
+  for (const char* how : {"--rays 1024", "--method hybrid --positions 4"}) {
+    const Column apart = solve(std::string("--patches 400 --emitters apart ") + how);
+    EXPECT_EQ(report()["light"]["lamps_apart"], 1);
+    EXPECT_NEAR(apart.mean, matrix.mean, 0.01 * matrix.mean) << how;
+    double squares = 0, told = 0;
+    const Column err = solve(std::string("--patches 400 --emitters apart ") + how, 22);
+    for (size_t k = 0; k < matrix.values.size(); ++k) {
+      squares += std::pow(apart.values[k] - matrix.values[k], 2);
+      told += err.values[k] * err.values[k];
+    }
+    EXPECT_LT(squares, 9 * told + 0.0001 * matrix.mean * matrix.mean * static_cast<double>(matrix.values.size())) << how;
+    EXPECT_LT(report()["energy"]["relative_error"], 0.005) << how;
+    EXPECT_GT(report()["shares"]["met_specular_first"], 0.05);
+  }
+}
+
+// A mirror that is half red: three F, and each channel is what a mirror of that reflectance gives all channels.
+TEST_F(Mirrors, ColouredOnesGiveEachChannelItsOwnF) {
+  const Rgb colour(0.8, 0.4, 0.0);
+  room_[0].mirror = colour;
+  write();
+  const std::string how = "--patches 300 --rays 1024 --emitters matrix";
+  std::array<Column, 3> got;
+  for (size_t c = 0; c < 3; ++c) got[c] = solve(how, 18 + c);
+  EXPECT_TRUE(report()["three_form_factors"]);
+  EXPECT_LT(report()["energy"]["relative_error"], 0.01);
+  ASSERT_EQ(farol("factors " + path("room.gltf") + " --patches 300 --rays 1024 -o " + path("F.npz")).exitCode, 0);
+  for (size_t c = 0; c < 3; ++c) {
+    const Column kept = solve("--emitters matrix --factors " + path("F.npz"), 18 + c);
+    ASSERT_EQ(kept.values.size(), got[c].values.size());
+    for (size_t k = 0; k < kept.values.size(); ++k) EXPECT_NEAR(kept.values[k], got[c].values[k], 1e-4 * (0.1 + got[c].values[k]));
+  }
+  for (size_t c = 0; c < 3; ++c) {
+    room_[0].mirror = Rgb(colour[static_cast<int>(c)]);
+    write();
+    const Column alike = solve(how, 18 + c);
+    EXPECT_FALSE(report()["three_form_factors"]);
+    for (size_t k = 0; k < alike.values.size(); ++k) EXPECT_NEAR(alike.values[k], got[c].values[k], 1e-5 * (0.1 + got[c].values[k])) << c;
+  }
+}
+
+TEST_F(Mirrors, AreRefusedWhereTheyCannotBeFollowed) {
+  for (const char* how : {"solve ROOM --method raster", "compare ROOM raster:64 rays:64"}) {
+    std::string text = how;
+    text.replace(text.find("ROOM"), 4, path("room.gltf"));
+    const Outcome o = farol(text);
+    EXPECT_EQ(o.exitCode, 1);
+    EXPECT_THAT(o.err, HasSubstr("surface 'x0' is a mirror or clear glass"));
+    EXPECT_THAT(o.err, HasSubstr("use rays or hybrid"));
+  }
+}
+
+// Limits of paths are counted as cut, and energy still adds up.
+TEST_F(Mirrors, TellWhatTheirLimitsCut) {
+  solve("--patches 200 --rays 1024 --max-depth 0");
+  EXPECT_GT(report()["shares"]["cut"], 0.05);
+  EXPECT_LT(report()["energy"]["relative_error"], 0.01);
+  solve("--patches 200 --rays 1024");
+  EXPECT_LT(report()["shares"]["cut"], 1e-4);
+}
+
+// Sensors in a furnace whose ceiling is a mirror read what they read without it: B is the same everywhere.
+TEST_F(Mirrors, ShowSensorsWhatTheyReflect) {
+  auto furnace = closedBox({1, 2, 1.5}, Rgb(0.5), Rgb(1));
+  furnace[5].reflectance = furnace[5].emission = Rgb(0);
+  furnace[5].mirror = Rgb(1);
+  writeText(path("room.gltf"), gltfOf(furnace).dump());
+  writeText(path("s.csv"), "0.5,1,0.5,0,0,1\n0.3,0.5,0.2,0,1,0\n");
+  solve("--patches 300 --rays 1024 --sensors " + path("s.csv"));
+  const auto lines = readCsv(path("s.out.csv"));
+  for (size_t k = 1; k < lines.size(); ++k) EXPECT_NEAR(std::stod(lines[k].at(6)), 2, 0.01);
+}
+
+// The picture: what the mirror shows is what a room twice as wide shows directly.
+TEST_F(Mirrors, ShowTheRoomInThePicture) {
+  for (const char* scene : {"mirror_room", "light_pipe", "glass_block", "facing_mirrors"}) {
+    const Outcome o = farol(fmt::format("render {}/mirrors_and_glass/{}.gltf --patches 300 --rays 256 --size 64x48 -o {}",
+                                        FAROL_SCENES, scene, path("picture.exr")));
+    EXPECT_EQ(o.exitCode, 0) << scene << ": " << o.err;
+  }
+}
+
+}  // namespace
+}  // namespace farol::test

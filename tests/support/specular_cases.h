@@ -1,0 +1,71 @@
+// Cases with mirrors and glass whose extended factors are known (tests/analytic/specular.json).
+#pragma once
+
+#include "factor_run.h"
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+namespace farol::test {
+
+inline const nlohmann::json& caseOf(const std::string& id) {
+  static const nlohmann::json all = nlohmann::json::parse(readText(FAROL_TESTS "/analytic/specular.json"));
+  for (const nlohmann::json& c : all["cases"]) {
+    if (c["id"] == id) return c;
+  }
+  throw std::runtime_error("no case " + id);
+}
+
+inline double expected(const std::string& id, const std::string& what) {
+  return caseOf(id)["expected"].at(what);
+}
+
+inline std::vector<TestSurface> surfacesOf(const std::string& id) {
+  std::vector<TestSurface> surfaces;
+  const nlohmann::json& c = caseOf(id);
+  for (const nlohmann::json& s : c["surfaces"]) {
+    TestSurface surface{s["name"], {{}}, Rgb(0)};
+    for (const nlohmann::json& v : s["vertices"]) surface.polygons[0].push_back(Vec3(v[0], v[1], v[2]));
+    surface.mirror = Rgb(s.value("specular", 0.0));
+    if (s.contains("dielectric")) {
+      surface.transmission = Rgb(1);
+      surface.ior = s["dielectric"];
+      surface.solid = true;
+    }
+    surfaces.push_back(surface);
+  }
+  if (c.contains("materials")) {
+    for (size_t k = 0; k < surfaces.size(); ++k) {
+      surfaces[k].reflectance = Rgb(std::stod(c["materials"]["rho_diffuse"][k].get<std::string>()));
+      surfaces[k].emission = Rgb(std::stod(c["materials"]["E"][k].get<std::string>()));
+    }
+  }
+  return surfaces;
+}
+
+// Terminated, missed, backs, absorbed and cut are all there is.
+inline void expectAccounted(const FactorRun& run, const std::string& what) {
+  for (uint32_t i = 0; i < run.patches.size(); ++i) {
+    const FormFactorRow row = run.f[i];
+    if (!row.made()) continue;
+    double ended = 0;
+    row.forEach([&](size_t j, double value) { ended += value * (1 - run.patches.patches[j].specular().r); });
+    const RowShares& s = run.f.shares(i);
+    EXPECT_NEAR(ended + s.missed + s.backs + s.absorbed + s.cut, 1, 1e-6) << what << " row " << i;
+  }
+}
+
+struct SpecularCase {
+  const char *id, *from, *to, *what;
+};
+inline const SpecularCase kFactors[] = {{"C1a", "1", "2", "F12 extended (through the mirror)"},
+                         {"C1c", "1", "2", "F12 extended (through the mirror)"},
+                         {"C2a", "1", "2", "F12 extended"},
+                         {"C2b", "1", "2", "F12 extended"},
+                         {"C2c", "1", "2", "F12 extended"},
+                         {"C3a", "1", "2", "F12 extended"},
+                         {"C4a", "1", "2", "transmission F12 extended"},
+                         {"C4b", "1", "2", "transmission F12 extended"},
+                         {"C4c", "1", "2", "transmission F12 extended"}};
+
+}  // namespace farol::test
