@@ -130,8 +130,7 @@ TEST_F(Mirrors, ShowSensorsWhatTheyReflect) {
   for (size_t k = 1; k < lines.size(); ++k) EXPECT_NEAR(std::stod(lines[k].at(6)), 2, 0.01);
 }
 
-// The picture: what the mirror shows is what a room twice as wide shows directly.
-TEST_F(Mirrors, ShowTheRoomInThePicture) {
+TEST_F(Mirrors, AreDrawnInEverySuppliedScene) {
   for (const char* scene : {"mirror_room", "light_pipe", "glass_block", "facing_mirrors"}) {
     const Outcome o = farol(fmt::format("render {}/mirrors_and_glass/{}.gltf --patches 300 --rays 256 --size 64x48 -o {}",
                                         FAROL_SCENES, scene, path("picture.exr")));

@@ -27,6 +27,10 @@ struct Drawn {
     options.width = width;
     options.height = height;
     options.sky = Rgb(0.25 * kPi);
+    const Tracer tracer(run.facets);
+    const RayTree tree(tracer, run.facets, run.patches, {});
+    options.tree = &tree;
+    options.patches = &run.patches;
     image = renderView(device(), run.scene, run.facets, nodes, camera, options, Log(true));
   }
   Rgb at(double x, double y) const {  // shares of the picture, from the upper left
@@ -80,6 +84,36 @@ TEST(View, DrawsBacksBlackOrNotAtAll) {
   EXPECT_EQ(Drawn(surfaces, camera, 40, 40).at(0.3, 0.3), Rgb(0));
   camera.frontFacesOnly = true;
   EXPECT_NEAR(glm::distance(Drawn(surfaces, camera, 40, 40).at(0.3, 0.3), Rgb(0.25)), 0, 1e-5);
+}
+
+// The second pass. Squares beside the camera, seen in a mirror that reflects half: as bright as half, upright, and left
+// where they are left; what misses them is half the sky. And through a sheet of clear glass.
+TEST(View, ShowsWhatMirrorsAndGlassPassOn) {
+  Camera camera;
+  camera.verticalFov = 2 * std::atan(0.5);
+  const std::vector<std::vector<Vec3>> plate = {{{-3, -3, -1}, {3, -3, -1}, {3, 3, -1}, {-3, 3, -1}}};
+  auto surfaces = quadrants();
+  for (TestSurface& s : surfaces) {
+    for (Vec3& p : s.polygons[0]) p.z = 0;
+    std::reverse(s.polygons[0].begin(), s.polygons[0].end());
+  }
+  surfaces.push_back({"mirror", plate, Rgb(0)});
+  surfaces.back().mirror = Rgb(0.5);
+  const Drawn mirror(surfaces, camera, 40, 40);
+  EXPECT_NEAR(glm::distance(mirror.at(0.3, 0.3), Rgb(0.5, 0, 0)), 0, 1e-5);
+  EXPECT_NEAR(glm::distance(mirror.at(0.7, 0.3), Rgb(0, 1, 0)), 0, 1e-5);
+  EXPECT_NEAR(glm::distance(mirror.at(0.3, 0.7), Rgb(0, 0, 1.5)), 0, 1e-5);
+  EXPECT_NEAR(glm::distance(mirror.at(0.7, 0.7), Rgb(0.125)), 0, 1e-5);
+
+  surfaces = quadrants();
+  surfaces.push_back({"sheet", plate, Rgb(0)});
+  surfaces.back().transmission = Rgb(1);
+  const Drawn glass(surfaces, camera, 400, 400);
+  double through = 0;
+  const double reflected = fresnel(1, 1.5, through), sheet = 2 * reflected / (1 + reflected);
+  const Rgb seen = glass.at(0.49, 0.49);  // nearly straight
+  EXPECT_NEAR(seen.r, 1 - sheet + 0.25 * sheet, 1e-4);
+  EXPECT_NEAR(seen.g, 0.25 * sheet, 1e-4);
 }
 
 // Inside a white furnace every pixel shows B / pi, whatever it sees.
