@@ -115,26 +115,28 @@ uint64_t allowedBytes(const Options& options) {
 StorageChoice chooseStorage(const Situation& at, const MethodSpec& spec) {
   const auto n = static_cast<double>(at.patches.size()), rows = static_cast<double>(at.patches.frontPatchCount);
   const auto allowed = static_cast<double>(allowedBytes(at.options));
-  if (spec.kind == MethodSpec::Kind::rays && 4.0 * spec.rays <= n && rows * 4.0 * spec.rays <= allowed)
+  const bool lists = spec.kind == MethodSpec::Kind::rays && !at.patches.anySpecular();  // paths fill rows
+  if (lists && 4.0 * spec.rays <= n && rows * 4.0 * spec.rays <= allowed)
     return {Storage::float32, rows * 4.0 * spec.rays, "rows are lists of hits, much shorter than dense rows"};
-  if (4 * rows * n <= allowed) return {Storage::float32, 4 * rows * n, "float32 fits"};
+  const double channels = at.patches.colouredSpecular() ? 3 : 1;
+  if (channels * 4 * rows * n <= allowed) return {Storage::float32, channels * 4 * rows * n, "float32 fits"};
   // How much of a row is filled: some rows tell.
   constexpr size_t kProbes = 16;
   const std::vector<uint32_t> probes = chooseProbes(at.patches, kProbes);
   FormFactorMatrix f(at.patches.size(), UINT64_MAX, Storage::bits16);
   at.methods.maker(spec)->makeRows(probes, f, [](size_t) {});
-  const double bytes = static_cast<double>(f.bytes()) * rows / static_cast<double>(std::max<size_t>(probes.size(), 1));
-  const bool lists = f.packedRows() == 0;
+  const double bytes = channels * static_cast<double>(f.bytes()) * rows / static_cast<double>(std::max<size_t>(probes.size(), 1));
+  const bool sparse = f.packedRows() == 0;
   if (bytes > allowed) {
     throw Error(
         "{}: form factors of {} patches need {:.3g} GB in float32 and {:.3g} GB in {}; {:.3g} GB are allowed; ask for "
         "fewer patches (--patches), or allow more with --memory",
-        at.options.scene, at.patches.size(), 4e-9 * rows * n, bytes * 1e-9, lists ? "lists of entries" : "16 bits",
+        at.options.scene, at.patches.size(), 4e-9 * channels * rows * n, bytes * 1e-9, sparse ? "lists of entries" : "16 bits",
         allowed * 1e-9);
   }
   return {Storage::bits16, bytes,
-          fmt::format("float32 would take {:.3g} GB of the {:.3g} GB allowed; {}", 4e-9 * rows * n, allowed * 1e-9,
-                      lists ? "rows are filled by less than a third" : "a row's sum is kept")};
+          fmt::format("float32 would take {:.3g} GB of the {:.3g} GB allowed; {}", 4e-9 * channels * rows * n, allowed * 1e-9,
+                      sparse ? "rows are filled by less than a third" : "a row's sum is kept")};
 }
 
 PlaceChoice chooseSolvePlace(const Situation& at, const FormFactorMatrix& f) {

@@ -131,6 +131,10 @@ void writeReport(const std::string& path, const Report& r) {
                   {"shadow_rays", r.shadowRays}};
   }
   j["matrix_bytes"] = r.matrixBytes;
+  j["model"] = {{"colour", r.model.colour},
+                {"mirrors_and_glass", r.model.specular},
+                {"factors_per_channel", r.model.factorsPerChannel},
+                {"change_without_mirrors_and_glass", r.model.withoutSpecular}};
   j["three_form_factors"] = r.coloured;
   if (!r.storageWhy.empty()) {
     j["storage"] = {{"rows_float32", r.denseRows},

@@ -43,6 +43,12 @@ struct VariantReport {
   double estimatedError = 0, energyError = 0, emitted = 0;  // of H and of the balance, relative; luminance of power in
 };
 
+// What the scene asked of the model.
+struct ModelReport {
+  bool colour = false, specular = false, factorsPerChannel = false;
+  double withoutSpecular = 0;  // relative change of H that leaving mirrors and glass out would make, estimated
+};
+
 struct Report {
   Options options;
   MethodSpec method;  // the one chosen
@@ -54,6 +60,7 @@ struct Report {
   size_t degenerate = 0, duplicate = 0, welded = 0;
   uint64_t matrixBytes = 0;  // of F
   bool coloured = false;     // one F per channel, as coloured mirrors or glass ask
+  ModelReport model;
   size_t denseRows = 0, packedRows = 0;  // in float32 and in 16 bits; the others are lists
   double packingError = 0;               // L1 error that 16 bits added to a row, at most
   std::string storageWhy;

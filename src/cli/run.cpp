@@ -6,6 +6,7 @@
 #include "cli/comparison_text.h"
 #include "cli/report.h"
 #include "cli/variants.h"
+#include "formfactor/error_model.h"
 #include "formfactor/near_field.h"
 #include "output/factor_archive.h"
 #include "output/output.h"
@@ -183,6 +184,7 @@ class Run {
     if (spec_->kind == MethodSpec::Kind::exact) model_ = {};
     report_.errorModel = model_;
     report_.checks = checkFormFactors(*f_, patches_);
+    sayModel(report_.checks->specular);
     reportRowErrors();
     warnOfBrokenRules();
     report_.clock.finish("checks");
@@ -207,7 +209,6 @@ class Run {
   void reportStorage() {
     report_.matrixBytes = f_->bytes();
     report_.coloured = f_->coloured();
-    if (f_->coloured()) say("mirrors or glass are coloured: one F per channel");
     report_.denseRows = f_->denseRows();
     report_.packedRows = f_->packedRows();
     report_.packingError = f_->packingError();
@@ -654,6 +655,36 @@ class Run {
     report_.clock.finish("write");
   }
 
+  // Share of what patches see that is a mirror or glass: some rows by rays.
+  double seenFirstAsSpecular() {
+    if (!patches_.anySpecular()) return 0;
+    MethodSpec few = specFrom(options_, MethodSpec::Kind::rays);
+    few.rays = 256;
+    FormFactorMatrix rows(patches_.size());
+    const std::vector<uint32_t> probes = chooseProbes(patches_, 64);
+    methods_.maker(few)->makeRows(probes, rows, [](size_t) {});
+    double share = 0;
+    for (const uint32_t i : probes) share += rows.shares(i).specular / static_cast<double>(probes.size());
+    return share;
+  }
+
+  // Which parts of the model the scene asks for, and what mirrors and glass are worth.
+  void sayModel(double metSpecular) {
+    double passed = 0, area = 0, grey = 0;
+    for (const Patch& p : patches_.patches) {
+      grey = std::max(grey, maxChannel(p.reflectance + p.emission) - minChannel(p.reflectance + p.emission));
+      if (!p.isSpecular()) continue;
+      passed += p.area * maxChannel(p.specular());
+      area += p.area;
+    }
+    report_.model = {grey > 0 || maxChannel(options_.sky) > minChannel(options_.sky), patches_.anySpecular(),
+                     patches_.colouredSpecular(), area > 0 ? metSpecular * passed / area : 0};
+    if (!patches_.anySpecular()) return;
+    say("mirrors and glass: {} patches; {:.2g} % of what patches see first; left out, H would change by about {:.2g} % of its mean{}",
+        report_.specularPatches, 100 * metSpecular, 100 * report_.model.withoutSpecular,
+        patches_.colouredSpecular() ? "; coloured: one F per channel" : "");
+  }
+
   // What a run would take: exact counts, memory of F, and seconds from half a second of probe rows.
   void forecast() {
     constexpr double kProbeSeconds = 0.5;
@@ -671,6 +702,7 @@ class Run {
     report_.storageWhy = storage.why;
     say("form factors would take {:.4g} MB; {:.4g} MB are allowed ({})", storage.bytes * 1e-6,
         static_cast<double>(allowedBytes(options_)) * 1e-6, storage.why);
+    sayModel(seenFirstAsSpecular());
     const LampPlan plan = lightings_.plan(patches_, *spec_);
     report_.lamps = plan.lamps.size();
     report_.emitters = plan.emitters;

@@ -20,7 +20,7 @@ void writePatchesCsv(const std::string& path, const Scene& scene, const PatchSet
                      const Solution& solution, const std::vector<double>& error);
 
 // Mean factors between surfaces, weighted by exposed area: header "surface,area,<names...>,(open),(cut)"; what
-// black backs take is in no column, so that a row sums to 1 minus their share.
+// black backs and solids take is in no column. Of coloured mirrors: red's factors.
 void writeFactorsBySurface(const std::string& path, const Scene& scene, const PatchSet& patches,
                            const FormFactorMatrix& f);
 

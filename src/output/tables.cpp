@@ -64,13 +64,14 @@ void writeFactorsBySurface(const std::string& path, const Scene& scene, const Pa
   }
   const size_t n = names.size();
   std::vector<std::vector<double>> sums(n, std::vector<double>(n, 0.0));
-  std::vector<double> area(n, 0.0), open(n, 0.0);
+  std::vector<double> area(n, 0.0), open(n, 0.0), cut(n, 0.0);
   for (size_t i = 0; i < patches.size(); ++i) {
     const RowShares& shares = f.shares(i);
     const double weight = patches.patches[i].area * shares.exposed;
     const size_t s = surfaceOf[i];
     area[s] += weight;
     open[s] += weight * shares.missed;
+    cut[s] += weight * shares.cut;
     f[i].forEach([&](size_t j, double value) { sums[s][surfaceOf[j]] += weight * value; });
   }
   OutputFile file(path);
@@ -81,7 +82,7 @@ void writeFactorsBySurface(const std::string& path, const Scene& scene, const Pa
     const double scale = area[s] > 0 ? 1 / area[s] : 0;
     fmt::print(file.stream(), "{},{}", csvField(names[s]), area[s]);
     for (size_t t = 0; t < n; ++t) fmt::print(file.stream(), ",{}", scale * sums[s][t]);
-    fmt::print(file.stream(), ",{},0\r\n", scale * open[s]);
+    fmt::print(file.stream(), ",{},{}\r\n", scale * open[s], scale * cut[s]);
   }
   file.commit();
 }
