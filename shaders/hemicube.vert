@@ -1,9 +1,13 @@
 // Projects welded facet vertices onto one face of the hemicube (or cubic tetrahedron) of each instance.
 // Reads: facets [facets], frames [layers], with LAYERED visible [instances]. One invocation: one facet corner of one
 // hemicube. With LAYERED an instance looks its layer up in the list that culling made; without it each layer is drawn
-// in a pass of its own, whole.
+// in a pass of its own, whole. With IMAGES frames may be images in mirrors.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#ifdef LAYERED_IMAGES
+#define LAYERED
+#define IMAGES
+#endif
 #ifdef LAYERED
 #extension GL_ARB_shader_viewport_layer_array : require
 #endif
@@ -39,11 +43,17 @@ void main() {
   gl_Position = vec4(dot(push.right.xyz, p) * push.right.w + push.shift.x * depth,
                      dot(push.up.xyz, p) * push.up.w + push.shift.y * depth,
                      push.forward.w, depth);  // reversed z: near / depth, infinite far plane
+#ifdef IMAGES
+  gl_ClipDistance[0] = dot(frame.clip.xyz, position) + frame.clip.w;
+#endif
   const uint k = corner & 3u;
   const FacetRecord f = facets[corner >> 2];
   // A facet whose plane holds the eye, the patch's own first of all, is seen edge-on and covers nothing; rounding
   // would make it a sliver that is large where it passes the eye. Put all of it in front of the near plane.
   if (abs(dot(f.plane.xyz, frame.origin.xyz) - f.plane.w) < push.shift.z) gl_Position = vec4(0.0, 0.0, 1.0, 0.0);
   facet = uvec4(f.frontCell, f.backCell, f.nu, f.nv);
+#ifdef IMAGES
+  if (frame.origin.w != 0.0) facet.xy = facet.yx;  // a left-handed frame turns the winding round
+#endif
   grid = vec2(f.nu, f.nv != 0u ? f.nv : f.nu) * vec2(k == 1u || k == 2u ? 1.0 : 0.0, k >= 2u ? 1.0 : 0.0);  // a triangle has corners 0, 1, 3
 }

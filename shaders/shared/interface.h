@@ -46,6 +46,14 @@ FAROL_CONST kReduceBindingCount = 4;
 FAROL_CONST kReduceGroupSize = 64;      // lanes per workgroup
 FAROL_CONST kReducePixelsPerLane = 16;  // consecutive pixels that one lane walks as runs
 
+// Bindings of the masking of images, set 0.
+FAROL_CONST kBindingMaskItems = 0;
+FAROL_CONST kBindingMaskMirrors = 1;  // uint [cells + 3], mirror of an item, or kNoCell
+FAROL_CONST kBindingMaskImages = 2;   // uvec2 [layers], parent layer (kNoCell: a hemicube itself) and mirror
+FAROL_CONST kBindingMasked = 3;
+FAROL_CONST kMaskBindingCount = 4;
+FAROL_CONST kMaskGroupSize = 64;
+
 // Bindings of a Jacobi sweep, set 0.
 FAROL_CONST kBindingFactors = 0;      // half [rows x columns], each row scaled by a power of two
 FAROL_CONST kBindingFrom = 1;         // float [3 x columns]
@@ -88,12 +96,13 @@ struct FaceRecord {
   vec4 forward;
 };
 
-// Where a hemicube stands (64 bytes): a right-handed frame, axisN the patch normal. xyz used, w is padding.
+// Where a hemicube stands (80 bytes): a right-handed frame, axisN the patch normal; or its image in mirrors.
 struct HemicubeFrame {
-  vec4 origin;  // [unit coordinates]
+  vec4 origin;  // [unit coordinates], w: 1 where the frame is left-handed
   vec4 axisX;
   vec4 axisY;
   vec4 axisN;
+  vec4 clip;  // of an image: only what has clip.xyz . p + clip.w > 0 is drawn
 };
 
 // One face of the hemicube or tetrahedron, in the frame's own axes (80 bytes, push constants).
@@ -134,6 +143,14 @@ struct ReducePush {
   uint pad1;
 };
 
+// Push constants of the masking (16 bytes).
+struct MaskPush {
+  uint pixels;      // per layer
+  uint maskedItem;  // written where an image does not show
+  uint pad0;
+  uint pad1;
+};
+
 // Push constants of a Jacobi sweep (16 bytes).
 struct JacobiPush {
   uint columns;   // a multiple of 32: padded with zeros
@@ -143,7 +160,7 @@ struct JacobiPush {
 };
 
 #ifdef __cplusplus
-static_assert(sizeof(FacetRecord) == 32 && sizeof(HemicubeFrame) == 64);
+static_assert(sizeof(FacetRecord) == 32 && sizeof(HemicubeFrame) == 80);
 static_assert(sizeof(ClusterRecord) == 48 && sizeof(FaceRecord) == 48 && sizeof(CullPush) == 16);
 static_assert(sizeof(ItemPush) == 80 && sizeof(ViewPush) == 80 && sizeof(ReducePush) == 16);
 static_assert(sizeof(JacobiPush) == 16);

@@ -38,10 +38,10 @@ MethodSpec specFrom(const Options& o, MethodSpec::Kind kind) {
 
 // Mirrors and glass need a method that follows them.
 void requireFollowed(const Situation& at, MethodSpec::Kind kind) {
-  if (kind == MethodSpec::Kind::rays || kind == MethodSpec::Kind::hybrid) return;
+  if (kind != MethodSpec::Kind::exact) return;
   for (const Patch& p : at.patches.patches) {
     if (!p.isSpecular()) continue;
-    throw Error("{}: surface '{}' is a mirror or clear glass, which --method {} does not follow; use rays or hybrid",
+    throw Error("{}: surface '{}' is a mirror or clear glass, which --method {} does not follow; use rays, hybrid or, for planar mirrors, raster",
                 at.scene.path, surfaceNameOf(at.scene, p), methodName(kind));
   }
 }

@@ -1,6 +1,7 @@
 #include "cli/methods.h"
 
 #include "base/error.h"
+#include "formfactor/images.h"
 #include "formfactor/near_field.h"
 #include "formfactor/raster.h"
 #include "formfactor/rays.h"
@@ -24,8 +25,9 @@ uint32_t numberIn(const std::string& text, uint32_t low, uint32_t high, const st
 // A near-field correction and paths must live as long as the maker that uses them.
 class CorrectedRaster : public RowMaker {
  public:
-  CorrectedRaster(std::unique_ptr<NearField> nearField, std::unique_ptr<RayTree> tree, std::unique_ptr<RowMaker> rows)
-      : nearField_(std::move(nearField)), tree_(std::move(tree)), rows_(std::move(rows)) {}
+  CorrectedRaster(std::unique_ptr<NearField> nearField, std::unique_ptr<RayTree> tree, std::unique_ptr<ImageTrees> images,
+                  std::unique_ptr<RowMaker> rows)
+      : nearField_(std::move(nearField)), tree_(std::move(tree)), images_(std::move(images)), rows_(std::move(rows)) {}
   void makeRows(std::span<const uint32_t> patches, RowStore& store, const std::function<void(size_t)>& done) override {
     rows_->makeRows(patches, store, done);
   }
@@ -33,6 +35,7 @@ class CorrectedRaster : public RowMaker {
  private:
   std::unique_ptr<NearField> nearField_;
   std::unique_ptr<RayTree> tree_;
+  std::unique_ptr<ImageTrees> images_;
   std::unique_ptr<RowMaker> rows_;
 };
 
@@ -150,6 +153,12 @@ std::unique_ptr<RowMaker> Methods::rasterMaker(const MethodSpec& spec) {
     tree = std::make_unique<RayTree>(tracer(), facets_, patches_, limits());
     o.tree = tree.get();
   }
+  std::unique_ptr<ImageTrees> images;
+  if (spec.kind == MethodSpec::Kind::raster && patches_.anySpecular()) {
+    images = std::make_unique<ImageTrees>(scene_, facets_, patches_, limits(), options_.maxImages);
+    o.images = images.get();
+    o.deviceMemory *= 2;
+  }
   std::unique_ptr<NearField> nearField;
   if (spec.nearField && spec.positions == 1) {
     nearField = std::make_unique<NearField>(tracer(), facets_, patches_, exposedArea(), spec.seed);
@@ -172,7 +181,7 @@ std::unique_ptr<RowMaker> Methods::rasterMaker(const MethodSpec& spec) {
   // Chunks of several batches keep a device busy while the host stores rows, and are still small enough to share.
   constexpr size_t kBatchesPerChunk = 3;
   const size_t chunk = kBatchesPerChunk * batch / static_cast<size_t>(spec.positions);
-  return std::make_unique<CorrectedRaster>(std::move(nearField), std::move(tree),
+  return std::make_unique<CorrectedRaster>(std::move(nearField), std::move(tree), std::move(images),
                                            std::make_unique<TeamRowMaker>(std::move(makers), chunk));
 }
 

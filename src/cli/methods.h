@@ -23,8 +23,8 @@ std::string methodText(const MethodSpec& spec);  // the same, complete
 class Methods {
  public:
   // The references must outlive this.
-  Methods(const Options& options, const FacetSet& facets, const PatchSet& patches, Log& log)
-      : options_(options), facets_(facets), patches_(patches), log_(log) {}
+  Methods(const Options& options, const Scene& scene, const FacetSet& facets, const PatchSet& patches, Log& log)
+      : options_(options), scene_(scene), facets_(facets), patches_(patches), log_(log) {}
 
   std::unique_ptr<RowMaker> maker(const MethodSpec& spec);
 
@@ -46,6 +46,7 @@ class Methods {
   std::unique_ptr<RowMaker> rasterMaker(const MethodSpec& spec);
 
   const Options& options_;
+  const Scene& scene_;
   const FacetSet& facets_;
   const PatchSet& patches_;
   Log& log_;

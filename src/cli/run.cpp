@@ -31,7 +31,7 @@ class Run {
   explicit Run(const Options& options)
       : options_(options),
         log_(options.quiet),
-        methods_(options_, facets_, patches_, log_),
+        methods_(options_, scene_, facets_, patches_, log_),
         situation_{options_, scene_, facets_, patches_, methods_},
         lightings_(options_, facets_, methods_, log_) {
     report_.options = options;

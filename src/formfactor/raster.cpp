@@ -3,12 +3,16 @@
 #include "base/error.h"
 #include "formfactor/facet_mesh.h"
 #include "formfactor/hybrid.h"
+#include "formfactor/images.h"
 #include "formfactor/near_field.h"
 #include "patch/positions.h"
 #include "shaders/hemicube.frag.h"
+#include "shaders/hemicube.vert.IMAGES.h"
 #include "shaders/hemicube.vert.LAYERED.h"
+#include "shaders/hemicube.vert.LAYERED_IMAGES.h"
 #include "shaders/hemicube.vert.h"
 #include "shaders/hemicube_cull.comp.h"
+#include "shaders/hemicube_mask.comp.h"
 #include "shaders/hemicube_reduce.comp.MAPPED.h"
 #include "shaders/hemicube_reduce.comp.h"
 #include "shared/interface.h"
@@ -40,15 +44,24 @@ std::vector<shader::FacetRecord> facetRecords(const FacetSet& facets, const Patc
   return records;
 }
 
-// Bin of every item: its cell's patch; then the bins for nothing seen and for black backs, where cells without a
-// patch go as well.
+// Bin of every item: its cell's patch; then the bins for nothing seen, for black backs, where cells without a patch go as
+// well, and for what an image does not show.
 std::vector<uint32_t> itemBins(const PatchSet& patches) {
   const auto count = static_cast<uint32_t>(patches.size());
   std::vector<uint32_t> bins;
   bins.reserve(patches.cellMap.size() + 2);
   for (const uint32_t patch : patches.cellMap) bins.push_back(patch == kNone ? count + 1 : patch);
-  bins.insert(bins.end(), {count, count + 1});
+  bins.insert(bins.end(), {count, count + 1, count + 2});
   return bins;
+}
+
+// The mirror that an item shows, or kNoCell.
+std::vector<uint32_t> itemMirrors(const PatchSet& patches, const ImageTrees* images) {
+  std::vector<uint32_t> mirrors;
+  if (images == nullptr) return mirrors;
+  for (const uint32_t patch : patches.cellMap) mirrors.push_back(patch == kNone ? kNone : images->mirrorOfPatch()[patch]);
+  mirrors.insert(mirrors.end(), 3, shader::kNoCell);
+  return mirrors;
 }
 
 std::vector<shader::FaceRecord> faceRecordsOf(const ProjectionLayout& layout) {
@@ -71,6 +84,9 @@ struct Hemicube {
   double weight;
   double turn;  // about the normal [rad]
   bool last;    // of its patch
+  MirrorImage image = {};
+  bool isImage = false;
+  uint32_t parent = kNone;  // an image's: place in the batch
 };
 
 HemicubePose poseOf(const Hemicube& h, const Vec3& normal) {
@@ -80,7 +96,14 @@ HemicubePose poseOf(const Hemicube& h, const Vec3& normal) {
 }
 
 shader::HemicubeFrame frameOf(const HemicubePose& p) {
-  return {toVec4(p.origin), toVec4(p.x), toVec4(p.y), toVec4(p.z)};
+  return {toVec4(p.origin), toVec4(p.x), toVec4(p.y), toVec4(p.z), toVec4(Vec3(0), 1)};
+}
+
+// The mirror itself, and what lies in its plane, is behind the image.
+shader::HemicubeFrame frameOf(const MirrorImage& image) {
+  const HemicubePose& p = image.pose;
+  return {toVec4(p.origin, image.flipped ? 1 : 0), toVec4(p.x), toVec4(p.y), toVec4(p.z),
+          toVec4(image.clipNormal, -image.clipDistance - 2 * kEdgeOn)};
 }
 
 // A row under way: weighted counts of the positions seen so far, in order, in double.
@@ -95,7 +118,7 @@ struct Accumulator {
   }
 
   void add(const uint32_t* counts, double weight) {
-    const size_t bins = sums.size();
+    const size_t bins = sums.size();  // without that of what images do not show
     if (counts[bins - 1] == kAllBacks) return;
     exposed += weight;
     for (size_t j = 0; j < bins; ++j) sums[j] += weight * counts[j];
@@ -142,7 +165,8 @@ struct RasterRowMaker::Impl {
   // One of two batches under way: while the device works on one, the host stores the rows of the other.
   struct Slot {
     gpu::Buffer frames, rows, seen;  // seen: items, for hybrid
-    gpu::Bindings cullBindings, drawBindings;
+    gpu::Buffer parents;             // of images: parent layer and mirror
+    gpu::Bindings cullBindings, drawBindings, maskBindings;
     gpu::Commands commands;
     std::vector<Hemicube> hemicubes;
   };
@@ -154,7 +178,8 @@ struct RasterRowMaker::Impl {
         options(o),
         layout(layoutOf(o.projection, o.resolution)),
         pixels(layout.width * layout.height),
-        bins(static_cast<uint32_t>(p.size()) + 2),
+        bins(static_cast<uint32_t>(p.size()) + (o.images != nullptr ? 3 : 2)),
+        backBin(static_cast<uint32_t>(p.size()) + 1),
         layers(chooseLayers()),
         layered(o.layered && d.info().layeredDrawing),
         clusters(buildClusters(f)),
@@ -172,13 +197,15 @@ struct RasterRowMaker::Impl {
         target(d, "item buffer", layout.width, layout.height, layers, {gpu::Format::uint32}),
         items(d, "items", uint64_t{4} * pixels * layers, gpu::Memory::device),
         sums(d, "row sums", uint64_t{4} * bins * layers, gpu::Memory::device),
-        draw(d, "hemicube", layered ? gpu::Spirv(hemicube_vert_LAYERED) : gpu::Spirv(hemicube_vert), hemicube_frag,
+        masked(d, "masked items", o.images != nullptr ? uint64_t{4} * pixels * layers : 0, gpu::Memory::device),
+        mirrorOfItem(gpu::upload(d, "mirrors of items", itemMirrors(p, o.images))),
+        draw(d, "hemicube", vertexShader(), hemicube_frag,
              {gpu::Format::uint32}, shader::kItemBindingCount, sizeof(shader::ItemPush)),
         cull(d, "hemicube culling", hemicube_cull_comp, shader::kCullBindingCount, sizeof(shader::CullPush)),
         reduce(d, "hemicube reduction",
                isIdentity(p) ? gpu::Spirv(hemicube_reduce_comp) : gpu::Spirv(hemicube_reduce_comp_MAPPED),
                shader::kReduceBindingCount, sizeof(shader::ReducePush)),
-        reduceBindings(d, "hemicube reduction", {&items, &deltaFactors, &binOfItem, &sums}) {
+        reduceBindings(d, "hemicube reduction", {o.images != nullptr ? &masked : &items, &deltaFactors, &binOfItem, &sums}) {
     for (const char* name : {"batch A", "batch B"}) {
       gpu::Buffer frames(d, fmt::format("{} frames", name), sizeof(shader::HemicubeFrame) * layers,
                          gpu::Memory::upload);
@@ -188,23 +215,37 @@ struct RasterRowMaker::Impl {
       gpu::Bindings drawBindings(d, name, {&records, &frames, &visible});
       gpu::Buffer seen(d, fmt::format("{} items", name), o.tree != nullptr ? uint64_t{4} * pixels * layers : 0,
                        gpu::Memory::download);
+      gpu::Buffer parents(d, fmt::format("{} images", name), uint64_t{8} * layers, gpu::Memory::upload);
+      gpu::Bindings maskBindings(d, fmt::format("{} masking", name), {&items, &mirrorOfItem, &parents, &masked});
       slots.push_back({std::move(frames),
                        std::move(rows),
                        std::move(seen),
+                       std::move(parents),
                        std::move(cullBindings),
                        std::move(drawBindings),
+                       std::move(maskBindings),
                        gpu::Commands(d, name),
                        {}});
     }
+    if (o.images != nullptr)
+      mask.emplace(d, "hemicube masking", hemicube_mask_comp, shader::kMaskBindingCount, sizeof(shader::MaskPush));
     if (o.tree != nullptr) paths.emplace(*o.tree, f, p, layout, quantisedFormFactors(o.projection, o.resolution));
   }
 
   // Colour, depth and items per pixel; sums and two downloads per bin; lists of visible clusters.
   uint64_t bytesPerLayer() const {
-    const uint64_t seen = options.tree != nullptr ? uint64_t{8} * pixels : 0;
+    const uint64_t seen = (options.tree != nullptr ? uint64_t{8} * pixels : 0) + (options.images != nullptr ? uint64_t{4} * pixels : 0);
     return seen + uint64_t{12} * pixels + uint64_t{12} * bins + uint64_t{4} * drawCount(); }
 
   uint64_t drawCount() const { return uint64_t{layout.faces.size()} * clusterCountOf(facets); }
+
+  // A hemicube and its images lie in one batch.
+  uint32_t mostPerHemicube() const { return options.images != nullptr ? options.images->most() + 1 : 1; }
+
+  gpu::Spirv vertexShader() const {
+    if (options.images != nullptr) return layered ? gpu::Spirv(hemicube_vert_LAYERED_IMAGES) : gpu::Spirv(hemicube_vert_IMAGES);
+    return layered ? gpu::Spirv(hemicube_vert_LAYERED) : gpu::Spirv(hemicube_vert);
+  }
 
   uint32_t chooseLayers() const {
     const gpu::Limits& limits = device.limits();
@@ -212,7 +253,7 @@ struct RasterRowMaker::Impl {
     count = std::min<uint64_t>(count, limits.maxImageLayers);
     const uint64_t widest = std::max<uint64_t>({pixels, bins, drawCount()});  // words per layer of the largest buffer
     count = std::min(count, limits.maxStorageBufferRange / (4 * widest));
-    if (options.maxBatch > 0) count = std::min<uint64_t>(count, options.maxBatch);
+    if (options.maxBatch > 0) count = std::min<uint64_t>(count, std::max(options.maxBatch, mostPerHemicube()));
     if (count == 0) {
       throw Error("a hemicube of resolution {} with {} patches needs {} bytes on the device; {} are allowed",
                   options.resolution, patches.size(), bytesPerLayer(), options.deviceMemory);
@@ -261,7 +302,10 @@ struct RasterRowMaker::Impl {
     const auto count = static_cast<uint32_t>(slot.hemicubes.size());
     const auto frames = slot.frames.as<shader::HemicubeFrame>();
     for (uint32_t k = 0; k < count; ++k) {
-      frames[k] = frameOf(poseOf(slot.hemicubes[k], patches.patches[slot.hemicubes[k].patch].normal));
+      const Hemicube& h = slot.hemicubes[k];
+      frames[k] = h.isImage ? frameOf(h.image) : frameOf(poseOf(h, patches.patches[h.patch].normal));
+      slot.parents.as<uint32_t>()[2 * k] = h.isImage ? h.parent : shader::kNoCell;
+      slot.parents.as<uint32_t>()[2 * k + 1] = h.image.mirror;
     }
     gpu::Commands& commands = slot.commands;
     commands.begin();
@@ -280,6 +324,11 @@ struct RasterRowMaker::Impl {
       for (uint32_t k = 0; k < count; ++k) drawLayers(commands, k, 1);
     }
     commands.copyColor(target, 0, count, items);
+    if (options.images != nullptr) {
+      commands.bind(*mask, slot.maskBindings);
+      commands.push(shader::MaskPush{pixels, static_cast<uint32_t>(patches.cells.size()) + 2, 0, 0});
+      commands.dispatch((pixels + shader::kMaskGroupSize - 1) / shader::kMaskGroupSize, count);
+    }
     commands.bind(reduce, reduceBindings);
     commands.push(shader::ReducePush{pixels, bins, 0, 0});
     constexpr uint32_t kPixelsPerGroup = shader::kReduceGroupSize * shader::kReducePixelsPerLane;
@@ -302,23 +351,63 @@ struct RasterRowMaker::Impl {
                   factors, options.tree->mediumBehind(h.patch), to);
   }
 
-  // The same with paths: where the near field changes what is seen first, paths from there carry as much more or less.
+  // Adds what the images of the slot's k-th hemicube show. A mirror's pixels of which there is no image are cut.
+  void addImages(const Slot& slot, size_t k, double weight, std::span<const double> factors, ContinuedEntries& to) const {
+    const std::vector<uint32_t>& mirrorOf = options.images->mirrorOfPatch();
+    size_t end = k + 1;
+    while (end < slot.hemicubes.size() && slot.hemicubes[end].isImage) ++end;
+    // Where the near field changes what is seen of a mirror first, all that it shows is as much more or less.
+    std::vector<double> before(options.images->mirrorCount(), 0.0), after = before;
+    const auto countsOf = [&](size_t l) { return slot.rows.as<const uint32_t>().data() + l * bins; };
+    for (size_t j = 0; j < mirrorOf.size(); ++j) {
+      if (mirrorOf[j] == kNone) continue;
+      const double seen = countsOf(k)[j] / kFullHemisphere;
+      before[mirrorOf[j]] += seen;
+      after[mirrorOf[j]] += seen * (factors.empty() ? 1.0 : factors[j]);
+    }
+    for (const double seen : after) to.specular += weight * seen;
+    std::vector<uint8_t> shown(options.images->mirrorCount());
+    for (size_t l = k; l < end; ++l) {
+      const Hemicube& h = slot.hemicubes[l];
+      const uint32_t* counts = countsOf(l);
+      const uint32_t root = h.image.root;
+      const double change = h.isImage && before[root] > 0 ? after[root] / before[root] : 1.0;
+      const Rgb carried = weight * change / kFullHemisphere * (h.isImage ? h.image.weight : Rgb(1));
+      std::fill(shown.begin(), shown.end(), uint8_t{0});
+      for (size_t c = k + 1; c < end; ++c) {
+        if (slot.hemicubes[c].parent == l) shown[slot.hemicubes[c].image.mirror] = 1;
+      }
+      for (size_t j = 0; j < mirrorOf.size(); ++j) {
+        if (counts[j] == 0) continue;
+        if (h.isImage) to.met({0, static_cast<uint32_t>(j), false, 0, 0, carried * static_cast<double>(counts[j])});
+        if (mirrorOf[j] == kNone || shown[mirrorOf[j]] != 0) continue;
+        const double first = h.isImage || factors.empty() ? 1.0 : factors[j];
+        to.ends.cut += carried * (first * counts[j]) * patches.patches[j].mirror;
+      }
+      if (!h.isImage) continue;
+      to.ends.missed += carried * static_cast<double>(counts[backBin - 1]);
+      to.ends.backs += carried * static_cast<double>(counts[backBin]);
+    }
+  }
+
+  // The same with paths or images: where the near field changes what is seen first, paths from there carry as much more or less.
   void storeSingleHybrid(RowStore& store, const Slot& slot, size_t k, const uint32_t* counts) {
     const uint32_t patch = slot.hemicubes[k].patch;
-    const double share = counts[bins - 1] == kAllBacks ? 0 : exposedShare(patch, 1);
+    const double share = counts[backBin] == kAllBacks ? 0 : exposedShare(patch, 1);
     Accumulator& scratchRow = scratch.local();
     scratchRow.continued.clear(patches.size(), store.channel(1) != nullptr ? 3 : 1);
     std::vector<float> row(patches.size(), 0.0f);
     RowShares shares{0, 0, 0};
     if (share > 0) {
       for (size_t j = 0; j < row.size(); ++j) row[j] = static_cast<float>(counts[j] / kFullHemisphere);
-      shares = {counts[bins - 2] / kFullHemisphere, counts[bins - 1] / kFullHemisphere, share};
+      shares = {counts[backBin - 1] / kFullHemisphere, counts[backBin] / kFullHemisphere, share};
       if (options.nearField != nullptr) options.nearField->correct(patch, row, shares);
       std::vector<double> factors(row.size(), 1.0);
       for (size_t j = 0; j < row.size(); ++j) {
         if (counts[j] > 0) factors[j] = static_cast<double>(row[j]) * kFullHemisphere / counts[j];
       }
-      addPaths(slot, k, 1, factors, scratchRow.continued);
+      if (paths) addPaths(slot, k, 1, factors, scratchRow.continued);
+      if (options.images != nullptr) addImages(slot, k, 1, factors, scratchRow.continued);
     }
     const std::vector<double> first(row.begin(), row.end());
     Accumulator::storeContinued(store, patch, first, scratchRow.continued, 1, shares);
@@ -327,10 +416,10 @@ struct RasterRowMaker::Impl {
   // One position: no sum to keep.
   void storeSingle(RowStore& store, uint32_t patch, const uint32_t* counts) const {
     const std::span<float> row = store.row(patch);
-    const double share = counts[bins - 1] == kAllBacks ? 0 : exposedShare(patch, 1);
+    const double share = counts[backBin] == kAllBacks ? 0 : exposedShare(patch, 1);
     for (size_t j = 0; j < row.size(); ++j) row[j] = static_cast<float>(share > 0 ? counts[j] / kFullHemisphere : 0.0);
     if (share > 0) {
-      RowShares shares{counts[bins - 2] / kFullHemisphere, counts[bins - 1] / kFullHemisphere, share};
+      RowShares shares{counts[backBin - 1] / kFullHemisphere, counts[backBin] / kFullHemisphere, share};
       if (options.nearField != nullptr) options.nearField->correct(patch, row, shares);
       store.finish(patch, shares);
     } else {
@@ -357,21 +446,25 @@ struct RasterRowMaker::Impl {
     const auto counts = slot.rows.as<const uint32_t>();
     const auto addRun = [&](const Run& run, Accumulator& to) {
       for (size_t k = run.first; k <= run.last; ++k) {
+        if (slot.hemicubes[k].isImage) continue;
         const uint32_t* own = counts.data() + k * bins;
         to.add(own, slot.hemicubes[k].weight);
-        if (paths && own[bins - 1] != kAllBacks) addPaths(slot, k, slot.hemicubes[k].weight, {}, to.continued);
+        if (own[backBin] == kAllBacks) continue;
+        if (paths) addPaths(slot, k, slot.hemicubes[k].weight, {}, to.continued);
+        if (options.images != nullptr) addImages(slot, k, slot.hemicubes[k].weight, {}, to.continued);
       }
     };
     const int channels = store.channel(1) != nullptr ? 3 : 1;
     const auto clear = [&](Accumulator& to) {
-      to.clear(bins);
-      if (paths) to.continued.clear(patches.size(), channels);
+      to.clear(patches.size() + 2);
+      if (paths || options.images != nullptr) to.continued.clear(patches.size(), channels);
     };
     const auto open = [&](size_t r) { return !slot.hemicubes[runs[r].last].last || (r == 0 && carrying); };
     tbb::parallel_for(size_t{0}, runs.size(), [&](size_t r) {
       if (open(r)) return;
       const Hemicube& only = slot.hemicubes[runs[r].first];
-      if (options.positions == 1 && paths) return storeSingleHybrid(store, slot, runs[r].first, counts.data() + runs[r].first * bins);
+      if (options.positions == 1 && (paths || options.images != nullptr))
+        return storeSingleHybrid(store, slot, runs[r].first, counts.data() + runs[r].first * bins);
       if (options.positions == 1) return storeSingle(store, only.patch, counts.data() + runs[r].first * bins);
       Accumulator& row = scratch.local();
       clear(row);
@@ -412,7 +505,23 @@ struct RasterRowMaker::Impl {
       ++rowsSubmitted;
       for (size_t k = 0; k < positions.size(); ++k) {
         const double turn = options.turned ? 2 * kPi * unitFromBits(mixBits(seed + 2 + k)) : 0.0;
-        next.push_back({patch, positions[k].point, positions[k].weight, turn, k + 1 == positions.size()});
+        const Hemicube hemicube{patch, positions[k].point, positions[k].weight, turn, k + 1 == positions.size(), {}, false, kNone};
+        if (options.images == nullptr) {
+          next.push_back(hemicube);
+        } else {
+          auto images = options.images->of(poseOf(hemicube, patches.patches[patch].normal));
+          images.resize(std::min<size_t>(images.size(), layers - 1));
+          if (next.size() + 1 + images.size() > layers) flush(rowsSubmitted - 1);
+          const auto base = static_cast<uint32_t>(next.size());
+          next.push_back(hemicube);
+          for (const MirrorImage& image : images) {
+            next.back().last = false;
+            next.push_back(hemicube);
+            next.back().image = image;
+            next.back().isImage = true;
+            next.back().parent = base + static_cast<uint32_t>(image.parent + 1);
+          }
+        }
         if (next.size() == layers) flush(next.back().last ? rowsSubmitted : rowsSubmitted - 1);
       }
     }
@@ -428,16 +537,17 @@ struct RasterRowMaker::Impl {
   const PatchSet& patches;
   RasterOptions options;
   ProjectionLayout layout;
-  uint32_t pixels, bins, layers;
+  uint32_t pixels, bins, backBin, layers;
   bool layered;
   FacetClusters clusters;
   uint32_t clusterCount;
   FacetMesh mesh;
   gpu::Buffer vertices, indices, records, binOfItem, deltaFactors, clusterRecords, faceRecords, visible, draws;
   gpu::RasterTarget target;
-  gpu::Buffer items, sums;
+  gpu::Buffer items, sums, masked, mirrorOfItem;
   gpu::RasterPipeline draw;
   gpu::ComputePipeline cull, reduce;
+  std::optional<gpu::ComputePipeline> mask;  // with images
   gpu::Bindings reduceBindings;
   std::vector<Slot> slots;
   std::optional<PixelPaths> paths;  // hybrid

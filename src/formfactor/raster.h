@@ -13,6 +13,7 @@
 
 namespace farol {
 
+class ImageTrees;
 class NearField;
 
 struct RasterOptions {
@@ -26,6 +27,7 @@ struct RasterOptions {
   bool turned = true;                           // about the normal; otherwise grids are in step (for comparison)
   const NearField* nearField = nullptr;         // corrects rows of one position; must outlive the maker
   const RayTree* tree = nullptr;                // hybrid: paths go on from mirrors and glass; must outlive the maker
+  const ImageTrees* images = nullptr;           // raster with planar mirrors; must outlive the maker
   const ExposedArea* exposed = nullptr;         // where partly covered patches are seen from; must outlive the maker
 };
 

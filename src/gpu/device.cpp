@@ -228,6 +228,9 @@ void createLogicalDevice(Device::Impl& d) {
   const VkBool32 layered = d.info.layeredDrawing ? VK_TRUE : VK_FALSE;
   features12.shaderOutputLayer = layered;
   VkPhysicalDeviceFeatures features10{};
+  VkPhysicalDeviceFeatures offered{};
+  vkGetPhysicalDeviceFeatures(d.physical, &offered);
+  features10.shaderClipDistance = offered.shaderClipDistance;
   features10.drawIndirectFirstInstance = layered;
   features10.multiDrawIndirect = layered;
   VkDeviceCreateInfo creation{};

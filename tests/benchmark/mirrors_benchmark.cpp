@@ -1,10 +1,12 @@
 // Rows per second of raster, rays and hybrid without specular surfaces, with one mirror, with ten, and with glass; and
 // what hybrid costs beside rays at the same error of rows.
 #include "base/machine.h"
+#include "formfactor/images.h"
 #include "raster_run.h"
 
 #include <cmath>
 #include <fmt/format.h>
+#include <optional>
 
 namespace {
 
@@ -70,10 +72,13 @@ int main() {
     const RayTree tree(run.tracer, run.facets, run.patches, {});
     RasterOptions options;
     options.positions = 4;
-    if (run.patches.anySpecular())
-      options.tree = &tree;
-    else
-      line("raster:64,positions=4", measure(*std::make_unique<RasterRowMaker>(device(), run.facets, run.patches, options), probes, reference, n));
+    RasterOptions imaged = options;
+    std::optional<ImageTrees> images;
+    if (run.patches.anySpecular()) options.tree = &tree;
+    if (!glass) {
+      if (mirrors > 0) imaged.images = &images.emplace(run.scene, run.facets, run.patches, TreeLimits{}, 256);
+      line("raster:64,positions=4", measure(*std::make_unique<RasterRowMaker>(device(), run.facets, run.patches, imaged), probes, reference, n));
+    }
     line("hybrid:64,positions=4", measure(*std::make_unique<RasterRowMaker>(device(), run.facets, run.patches, options), probes, reference, n));
   }
 }

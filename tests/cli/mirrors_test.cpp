@@ -57,7 +57,7 @@ class Mirrors : public ::testing::Test {
 TEST_F(Mirrors, LampsApartLoseNothing) {
   const Column matrix = solve("--patches 400 --emitters matrix --rays 65536");
   EXPECT_LT(report()["energy"]["relative_error"], 0.005);
-  for (const char* how : {"--rays 1024", "--method hybrid --positions 4"}) {
+  for (const char* how : {"--rays 1024", "--method hybrid --positions 4", "--method raster --positions 4"}) {
     const Column apart = solve(std::string("--patches 400 --emitters apart ") + how);
     EXPECT_EQ(report()["light"]["lamps_apart"], 1);
     EXPECT_NEAR(apart.mean, matrix.mean, 0.01 * matrix.mean) << how;
@@ -99,14 +99,24 @@ TEST_F(Mirrors, ColouredOnesGiveEachChannelItsOwnF) {
 }
 
 TEST_F(Mirrors, AreRefusedWhereTheyCannotBeFollowed) {
-  for (const char* how : {"solve ROOM --method raster", "compare ROOM raster:64 rays:64"}) {
+  room_.resize(6);  // nothing blocks
+  write();
+  for (const char* how : {"factors ROOM --method exact", "compare ROOM exact rays:64"}) {
     std::string text = how;
     text.replace(text.find("ROOM"), 4, path("room.gltf"));
     const Outcome o = farol(text);
     EXPECT_EQ(o.exitCode, 1);
     EXPECT_THAT(o.err, HasSubstr("surface 'x0' is a mirror or clear glass"));
-    EXPECT_THAT(o.err, HasSubstr("use rays or hybrid"));
+    EXPECT_THAT(o.err, HasSubstr("use rays, hybrid or, for planar mirrors, raster"));
   }
+  room_[0].mirror = Rgb(0);
+  room_[0].transmission = Rgb(0.5);
+  room_[5].emission = Rgb(1);
+  write();
+  const Outcome o = farol("solve " + path("room.gltf") + " --method raster --patches 100 -o " + path("lit.glb"));
+  EXPECT_EQ(o.exitCode, 1);
+  EXPECT_THAT(o.err, HasSubstr("surface 'x0' is clear glass, which --method raster cannot mirror; use rays or hybrid"));
+  EXPECT_THAT(folder_.files(), ::testing::Not(::testing::Contains("lit.glb")));
 }
 
 // Limits of paths are counted as cut, and energy still adds up.

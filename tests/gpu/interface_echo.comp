@@ -13,5 +13,6 @@ void main() {
   const uint i = gl_GlobalInvocationID.x;
   if (i >= facetsIn.length()) return;
   facetsOut[i] = FacetRecord(facetsIn[i].plane, facetsIn[i].frontCell, facetsIn[i].backCell, facetsIn[i].nu, facetsIn[i].nv);
-  framesOut[i] = HemicubeFrame(framesIn[i].origin, framesIn[i].axisX, framesIn[i].axisY, framesIn[i].axisN);
+  framesOut[i] = HemicubeFrame(framesIn[i].origin, framesIn[i].axisX, framesIn[i].axisY, framesIn[i].axisN,
+                               framesIn[i].clip);
 }
