@@ -7,6 +7,7 @@
 #include "specular_cases.h"
 
 #include <gmock/gmock.h>
+#include <optional>
 
 namespace farol::test {
 namespace {
@@ -119,6 +120,40 @@ TEST(Images, DoNotDependOnBatchesAndAgreeWithRays) {
   const Comparison c = compareFactors(rays.f, rays.errorModel(), whole.f,
                                       fitErrorModel(whole.f, whole.patches, probes, 3 * 64 * 64), whole.patches);
   EXPECT_GT(c.withinEstimate, 0.95);
+}
+
+// A mirror in the very plane of a wall, a mirror whose plane holds the eyes of many hemicubes, and a sphere of mirrors:
+// bounded, every share accounted for, nothing lost through the seams, by all methods that can.
+TEST(AwkwardMirrors, LoseNothing) {
+  const auto room = [] { return closedBox({2, 2, 2}, Rgb(0.5)); };
+  auto coincident = room(), edgeOn = room(), ball = room();
+  coincident.push_back({"mirror", {{{0, 0.5, 0.5}, {0, 1.5, 0.5}, {0, 1.5, 1.5}, {0, 0.5, 1.5}}}, Rgb(0)});
+  edgeOn.push_back({"mirror", {{{1, 0.5, 0.5}, {1, 1.5, 0.5}, {1, 1.5, 1.5}, {1, 0.5, 1.5}}}, Rgb(0)});
+  ball.push_back(sphereZones("ball", 0.5, false, {-1, 1}, 12, {1, 1, 1})[0]);
+  ball.back().reflectance = Rgb(0);
+  for (auto* surfaces : {&coincident, &edgeOn, &ball}) {
+    surfaces->back().mirror = Rgb(1);
+    const Scene scene = loadSurfaces(*surfaces);
+    const bool planar = surfaces != &ball;
+    RayRun rays(scene, {150, 0}, {.rays = 1024});
+    RasterRun hybrid(scene, {150, 0}, {});
+    const RayTree tree(rays.tracer, hybrid.facets, hybrid.patches, {});
+    hybrid.options.tree = &tree;
+    std::vector<FactorRun*> runs = {&rays, &hybrid};
+    std::optional<ImageRun> images;
+    if (planar) runs.push_back(&images.emplace(scene, PatchOptions{150, 0}, RasterOptions{}));
+    for (FactorRun* run : runs) {
+      run->makeAll();
+      expectAccounted(*run, "awkward");
+      double missed = 0, cut = 0;
+      for (uint32_t i = 0; i < run->patches.size(); ++i) {
+        missed += run->f.shares(i).missed / static_cast<double>(run->patches.size());
+        cut = std::max(cut, run->f.shares(i).cut);
+      }
+      EXPECT_LT(missed, 1e-3);
+      EXPECT_LT(cut, 0.01);
+    }
+  }
 }
 
 TEST(Images, AreRefusedWhereMirrorsAreNotPlanar) {
