@@ -52,7 +52,7 @@ TEST(Images, AreCutAtTheDepthAskedFor) {
 }
 
 TEST(Images, MatchTheExactMirrorCubes) {
-  for (const char* id : {"C5a", "C5b"}) {
+  for (const char* id : {"C5a", "C5b", "C5c"}) {
     ImageRun run(loadSurfaces(surfacesOf(id)), {6, 0}, positions(64));
     run.makeAll();
     expectAccounted(run, id);
