@@ -67,6 +67,38 @@ TEST(Images, MatchTheExactMirrorCubes) {
   }
 }
 
+// Truth C1b: emitter [0,1] x [0,1] and receiver [0.5,1.75] x [-0.5,0.25] share a part of their plane; here as the parts
+// that lie apart, with the shared one in both.
+TEST(Images, MatchWhereEmitterAndReceiverOverlap) {
+  const auto rectangle = [](double x0, double y0, double x1, double y1) {
+    return std::vector<std::vector<Vec3>>{{{x0, y0, 0}, {x1, y0, 0}, {x1, y1, 0}, {x0, y1, 0}}};
+  };
+  std::vector<TestSurface> surfaces = {{"e1", rectangle(0, 0, 0.5, 1), Rgb(0)},
+                                       {"e2", rectangle(0.5, 0.25, 1, 1), Rgb(0)},
+                                       {"both", rectangle(0.5, 0, 1, 0.25), Rgb(0)},
+                                       {"r1", rectangle(0.5, -0.5, 1, 0), Rgb(0)},
+                                       {"r2", rectangle(1, -0.5, 1.75, 0.25), Rgb(0)},
+                                       surfacesOf("C1b").back()};
+  const Scene scene = loadSurfaces(surfaces);
+  const double exact = expected("C1b", "F12 extended (through the mirror)");
+  const auto factor = [](FactorRun& run) {
+    double sum = 0;
+    for (const auto& [from, area] : {std::pair{"e1", 0.5}, std::pair{"e2", 0.375}, std::pair{"both", 0.125}}) {
+      for (const char* to : {"both", "r1", "r2"}) sum += area * run.factor(from, to);
+    }
+    return sum;  // over the emitter's area, 1
+  };
+  const PatchOptions patches{0, 0.25};
+  RayRun rays(scene, patches, {.rays = 16384});
+  RasterRun hybrid(scene, patches, positions(16));
+  const RayTree tree(rays.tracer, hybrid.facets, hybrid.patches, {});
+  hybrid.options.tree = &tree;
+  ImageRun images(scene, patches, positions(16));
+  EXPECT_NEAR(factor(rays), exact, 0.005 * exact);
+  EXPECT_NEAR(factor(hybrid), exact, 0.005 * exact);
+  EXPECT_NEAR(factor(images), exact, 0.005 * exact);
+}
+
 // A corner of mirrors: four images at most, the one through both counted once; nothing behind a mirror is seen in it.
 TEST(Images, AreAsManyAsThereAre) {
   ImageRun run(loadSurfaces(surfacesOf("C3a")), {1, 0}, positions(1));
