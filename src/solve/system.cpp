@@ -92,29 +92,24 @@ void System::gather(std::span<const size_t> patches, const Field& b, Eigen::RowV
   }
 }
 
-Channels System::residualOf(const Field& b) const {
-  Channels r = Channels::Zero(b.columns().rows(), 3);
+template <typename Use>
+void System::gatherAll(const Field& b, Use&& use) const {
   forParts(reflecting, [&](std::span<const size_t> patches, size_t) {
     std::array<Eigen::RowVector3d, kRowsAtOnce> sums;
     gather(patches, b, sums.data());
-    for (size_t k = 0; k < patches.size(); ++k) {
-      const auto i = static_cast<Eigen::Index>(patches[k]);
-      r.row(i) = updated(i, sums[k]) - b.columns().row(i);
-    }
+    for (size_t k = 0; k < patches.size(); ++k) use(static_cast<Eigen::Index>(patches[k]), sums[k]);
   });
+}
+
+Channels System::residualOf(const Field& b) const {
+  Channels r = Channels::Zero(b.columns().rows(), 3);
+  gatherAll(b, [&](Eigen::Index i, const Eigen::RowVector3d& sum) { r.row(i) = updated(i, sum) - b.columns().row(i); });
   return r;
 }
 
 Channels System::reflectOnce(const Field& v) const {
   Channels out = Channels::Zero(v.columns().rows(), 3);
-  forParts(reflecting, [&](std::span<const size_t> patches, size_t) {
-    std::array<Eigen::RowVector3d, kRowsAtOnce> sums;
-    gather(patches, v, sums.data());
-    for (size_t k = 0; k < patches.size(); ++k) {
-      const auto i = static_cast<Eigen::Index>(patches[k]);
-      out.row(i) = reflectance.row(i).cwiseProduct(sums[k]);
-    }
-  });
+  gatherAll(v, [&](Eigen::Index i, const Eigen::RowVector3d& sum) { out.row(i) = reflectance.row(i).cwiseProduct(sum); });
   return out;
 }
 

@@ -70,6 +70,9 @@ class System {
   size_t worstRow = 0;   // where it is reached
 
  private:
+  template <typename Use>
+  void gatherAll(const Field& b, Use&& use) const;  // use(i, sum) for every reflecting patch, on all cores
+
   const FormFactorMatrix& f_;
 };
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "factor_run.h"
+#include "solve/solver.h"
 
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -53,6 +54,20 @@ inline void expectAccounted(const FactorRun& run, const std::string& what) {
     const RowShares& s = run.f.shares(i);
     EXPECT_NEAR(ended + s.missed + s.backs + s.absorbed + s.cut, 1, 1e-6) << what << " row " << i;
   }
+}
+
+// The radiosity of a mirror cube (C5a to C5c) whose six rows are made, and its energy balance.
+inline void expectKnownRadiosity(const FactorRun& run, const std::string& id, double tolerance) {
+  expectAccounted(run, id);
+  SolveOptions options;
+  options.residual = 1e-9;
+  const Solution s = solveRadiosity(run.f, run.patches, {}, run.scene, options, Log(true));
+  for (const auto& [what, value] : caseOf(id)["expected"].items()) {
+    if (!what.starts_with("B[")) continue;
+    const double exact = value;
+    EXPECT_NEAR(s.radiosity[run.patchesOf(what.substr(2, 2))[0]].r, exact, tolerance * exact) << id << " " << what;
+  }
+  EXPECT_LT(energyBalance(run.f, run.patches, s, Rgb(0)).relativeError, 0.005) << id;
 }
 
 struct SpecularCase {
