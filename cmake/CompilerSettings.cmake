@@ -13,6 +13,12 @@ if(FAROL_SANITIZE)
   target_link_options(farol_settings INTERFACE -fsanitize=address,undefined)
 endif()
 
+if(FAROL_FUZZ)
+  target_compile_options(farol_settings INTERFACE
+    -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer)
+  target_link_options(farol_settings INTERFACE -fsanitize=address,undefined)
+endif()
+
 find_program(CCACHE ccache)
 if(CCACHE)
   set(CMAKE_CXX_COMPILER_LAUNCHER ${CCACHE})

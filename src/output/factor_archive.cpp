@@ -206,8 +206,8 @@ struct FactorArchive::Impl {
   class Reader {
    public:
     Reader(const Impl& archive, const std::string& name) : path_(archive.path), name_(name) {
-      file_ = zip_fopen(archive.archive, (name + ".npy").c_str(), 0);
-      if (file_ == nullptr) throw Error("{}: not a file of factors: it has no member {}.npy", path_, name);
+      file_.reset(zip_fopen(archive.archive, (name + ".npy").c_str(), 0));
+      if (!file_) throw Error("{}: not a file of factors: it has no member {}.npy", path_, name);
       char leading[10];
       read(leading, sizeof leading);
       const int length = npyDictionaryLength(leading);
@@ -216,13 +216,10 @@ struct FactorArchive::Impl {
       if (length < 0 || !parseNpyDictionary(dictionary, header))
         throw Error("{}: member {}.npy is not a NumPy array in C order", path_, name);
     }
-    ~Reader() { zip_fclose(file_); }
-    Reader(const Reader&) = delete;
-    Reader& operator=(const Reader&) = delete;
 
     void read(void* to, uint64_t bytes) {
       for (uint64_t done = 0; done < bytes;) {
-        const zip_int64_t count = zip_fread(file_, static_cast<char*>(to) + done, bytes - done);
+        const zip_int64_t count = zip_fread(file_.get(), static_cast<char*>(to) + done, bytes - done);
         if (count <= 0) throw Error("{}: member {}.npy is damaged or ends too soon", path_, name_);
         done += static_cast<uint64_t>(count);
       }
@@ -230,7 +227,7 @@ struct FactorArchive::Impl {
     // Reading past the end compares the checksum.
     void finish() {
       char byte = 0;
-      if (zip_fread(file_, &byte, 1) != 0) throw Error("{}: member {}.npy is damaged", path_, name_);
+      if (zip_fread(file_.get(), &byte, 1) != 0) throw Error("{}: member {}.npy is damaged", path_, name_);
     }
     template <typename T>
     std::vector<T> all(const char* descr, uint64_t count) {
@@ -251,7 +248,10 @@ struct FactorArchive::Impl {
    private:
     const std::string& path_;
     std::string name_;
-    zip_file_t* file_;
+    struct Close {
+      void operator()(zip_file_t* file) const { zip_fclose(file); }
+    };
+    std::unique_ptr<zip_file_t, Close> file_;
   };
 
   template <typename T>
