@@ -12,10 +12,16 @@ namespace farol {
 
 Log::Log(bool quiet) : quiet_(quiet) {}
 
+Log Log::silent() {
+  Log log(true);
+  log.silent_ = true;
+  return log;
+}
+
 void Log::warn(const std::string& sentence) {
   if (std::find(warnings_.begin(), warnings_.end(), sentence) != warnings_.end()) return;
   warnings_.push_back(sentence);
-  fmt::print(stderr, "warning: {}\n", sentence);
+  if (!silent_) fmt::print(stderr, "warning: {}\n", sentence);
 }
 
 void Log::note(const std::string& sentence) {

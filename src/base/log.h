@@ -7,10 +7,11 @@
 
 namespace farol {
 
-// Writes to standard error. Quiet keeps warnings and errors only.
+// Writes to standard error. Quiet prints warnings and errors only.
 class Log {
  public:
   explicit Log(bool quiet = false);
+  static Log silent();  // keeps warnings, prints nothing
 
   void warn(const std::string& sentence);  // printed once and kept
   void note(const std::string& sentence);  // printed unless quiet
@@ -19,7 +20,7 @@ class Log {
   bool quiet() const { return quiet_; }
 
  private:
-  bool quiet_;
+  bool quiet_, silent_ = false;
   std::vector<std::string> warnings_;
 };
 

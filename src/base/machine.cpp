@@ -19,6 +19,15 @@ uint64_t kilobyteLine(const char* file, const std::string& key) {
 
 }  // namespace
 
+std::string processorName() {
+  std::ifstream in("/proc/cpuinfo");
+  for (std::string line; std::getline(in, line);) {
+    const size_t colon = line.find(": ");
+    if (line.starts_with("model name") && colon != std::string::npos) return line.substr(colon + 2);
+  }
+  return "an unknown processor";
+}
+
 uint64_t peakMemoryBytes() {
   return kilobyteLine("/proc/self/status", "VmHWM:");
 }

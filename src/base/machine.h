@@ -8,6 +8,7 @@
 
 namespace farol {
 
+std::string processorName();  // as the operating system calls it
 uint64_t peakMemoryBytes();       // VmHWM of this process [bytes]; 0 where unknown
 uint64_t availableMemoryBytes();  // MemAvailable of the machine [bytes]; 0 where unknown
 

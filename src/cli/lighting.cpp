@@ -94,25 +94,28 @@ void LightingMaker::addDirect(const Scene& scene, const PatchSet& patches, const
                               const MethodSpec& spec, Replicates& replicates, Lighting& lighting) const {
   replicates.direct.reset();
   if (lighting.plan.lamps.empty() && scene.lights.empty()) return;
+  const bool again = !replicates.patches.empty();
   std::vector<double> exposed(patches.size());
   for (size_t i = 0; i < exposed.size(); ++i) exposed[i] = f.shares(i).exposed;
   lighting.direct = lamps(lighting.plan, scene, patches, options_.seed).compute(exposed);
   lighting.direct.apart = lighting.plan.apart;
-  replicates.direct = lamps(lighting.plan, scene, patches, mixBits(options_.seed + 1)).compute(exposed, replicates.patches);
-  replicates.direct->apart = lighting.plan.apart;
+  if (again) {
+    replicates.direct = lamps(lighting.plan, scene, patches, mixBits(options_.seed + 1)).compute(exposed, replicates.patches);
+    replicates.direct->apart = lighting.plan.apart;
+  }
   if (patches.anySpecular() && !lighting.plan.lamps.empty()) {
     std::vector<uint32_t> all(patches.size());
     std::iota(all.begin(), all.end(), 0u);
     std::erase_if(all, [&](uint32_t i) { return patches.patches[i].passesAll(); });
     addThroughMirrors(patches, spec, options_.seed, all, lighting.direct);
-    addThroughMirrors(patches, spec, mixBits(options_.seed + 1), replicates.patches, *replicates.direct);
+    if (again) addThroughMirrors(patches, spec, mixBits(options_.seed + 1), replicates.patches, *replicates.direct);
   }
   if (!scene.lights.empty())
     lighting.fromPunctual = lamps({}, scene, patches, options_.seed).compute(exposed).irradiance;
 }
 
-Lighting LightingMaker::make(const Scene& scene, const PatchSet& patches, const Rgb& sky, const FormFactorMatrix& f,
-                             const MethodSpec& spec, Replicates& replicates, const gpu::Device* device) const {
+Lighting LightingMaker::solve(const Scene& scene, const PatchSet& patches, const Rgb& sky, const FormFactorMatrix& f,
+                              const MethodSpec& spec, Replicates& replicates, const gpu::Device* device) const {
   Lighting lighting;
   lighting.plan = plan(patches, spec);
   addDirect(scene, patches, f, spec, replicates, lighting);
@@ -123,6 +126,12 @@ Lighting LightingMaker::make(const Scene& scene, const PatchSet& patches, const 
   o.sky = sky;
   o.device = device;
   lighting.solution = solveRadiosity(f, patches, lighting.direct, scene, o, log_);
+  return lighting;
+}
+
+Lighting LightingMaker::make(const Scene& scene, const PatchSet& patches, const Rgb& sky, const FormFactorMatrix& f,
+                             const MethodSpec& spec, Replicates& replicates, const gpu::Device* device) const {
+  Lighting lighting = solve(scene, patches, sky, f, spec, replicates, device);
   lighting.error =
       irradianceError(f, patches, lighting.direct, lighting.solution, replicates, samplesOf(spec), sky);
   for (int c = 1; c < 3 && f.coloured(); ++c) {

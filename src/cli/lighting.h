@@ -26,7 +26,11 @@ class LightingMaker {
 
   DirectIrradiance lamps(const LampPlan& plan, const Scene& scene, const PatchSet& patches, uint64_t seed) const;
 
-  // `replicates` gets the direct light of its patches; `device`: sweeps run there.
+  // `replicates` gets the direct light of its patches; `device`: sweeps run there. Without errors.
+  Lighting solve(const Scene& scene, const PatchSet& patches, const Rgb& sky, const FormFactorMatrix& f,
+                 const MethodSpec& spec, Replicates& replicates, const gpu::Device* device) const;
+
+  // With errors.
   Lighting make(const Scene& scene, const PatchSet& patches, const Rgb& sky, const FormFactorMatrix& f,
                 const MethodSpec& spec, Replicates& replicates, const gpu::Device* device) const;
 

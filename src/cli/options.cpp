@@ -61,6 +61,25 @@ void addPatches(CLI::App* app, Options& o) {
       ->group("Patches");
 }
 
+void addPaths(CLI::App* app, Options& o) {
+  app->add_option("--max-depth", o.maxDepth, "Mirrors and glass that a path may meet one after the other")
+      ->check(inRange<uint32_t>(0, 1u << 20))
+      ->group("Mirrors and glass");
+  app->add_option("--min-weight", o.minWeight, "Paths that carry less are cut, in shares of a ray")
+      ->check(inRange<double>(0, 1))
+      ->group("Mirrors and glass");
+  app->add_option("--max-images", o.maxImages, "Raster: mirrored images per hemicube")
+      ->check(inRange<uint32_t>(0, 4096))
+      ->group("Mirrors and glass");
+}
+
+void addSeedAndSky(CLI::App* app, Options& o, RawOptions& raw) {
+  app->add_option("--seed", o.seed, "Of all random choices: turns of hemicubes, shifts of rays")
+      ->check(inRange<uint64_t>(0, UINT64_MAX))
+      ->group("Form factors");
+  app->add_option("--sky", raw.sky, "Radiosity r,g,b of what lies outside the scene")->group("Light");
+}
+
 void addFormFactors(CLI::App* app, Options& o, RawOptions& raw) {
   app->add_option("--method", o.method, "How rows of F are made: raster, rays, hybrid (raster, rays from mirrors and glass), or exact (closed forms)")
       ->check(CLI::IsMember({"auto", "raster", "rays", "hybrid", "exact"}))
@@ -82,19 +101,8 @@ void addFormFactors(CLI::App* app, Options& o, RawOptions& raw) {
   app->add_option("--rays", o.rays, "Rays per patch; 0: 256, or 4096 for factors and compare and with --emitters matrix")
       ->check(inRange<uint32_t>(0, 1u << 22))
       ->group("Form factors");
-  app->add_option("--max-depth", o.maxDepth, "Mirrors and glass that a path may meet one after the other")
-      ->check(inRange<uint32_t>(0, 1u << 20))
-      ->group("Mirrors and glass");
-  app->add_option("--min-weight", o.minWeight, "Paths that carry less are cut, in shares of a ray")
-      ->check(inRange<double>(0, 1))
-      ->group("Mirrors and glass");
-  app->add_option("--max-images", o.maxImages, "Raster: mirrored images per hemicube")
-      ->check(inRange<uint32_t>(0, 4096))
-      ->group("Mirrors and glass");
-  app->add_option("--seed", o.seed, "Of all random choices: turns of hemicubes, shifts of rays")
-      ->check(inRange<uint64_t>(0, UINT64_MAX))
-      ->group("Form factors");
-  app->add_option("--sky", raw.sky, "Radiosity r,g,b of what lies outside the scene")->group("Light");
+  addPaths(app, o);
+  addSeedAndSky(app, o, raw);
 }
 
 void addLight(CLI::App* app, Options& o, RawOptions& raw) {
@@ -223,7 +231,7 @@ std::string unknownArgument(const CLI::App& app) {
 }  // namespace
 
 const char* commandName(Command command) {
-  constexpr const char* names[] = {"", "render", "solve", "factors", "compare", "info", "devices"};
+  constexpr const char* names[] = {"", "render", "solve", "factors", "compare", "chart", "info", "devices"};
   return names[static_cast<size_t>(command)];
 }
 
@@ -267,6 +275,7 @@ Options parseOptions(int argc, char** argv, bool& handled) {
   CLI::App* solve = command("solve", "Solve; write the lit scene for any glTF viewer", Command::solve);
   CLI::App* factors = command("factors", "Form factors only", Command::factors);
   CLI::App* compare = command("compare", "Two methods row by row, or a method and a file of factors", Command::compare);
+  CLI::App* chart = command("chart", "Error against time over methods and settings, with their data beside it", Command::chart);
   CLI::App* info = command("info", "What is in the scene, what would be done, memory and time forecast; writes nothing",
                            Command::info);
   command("devices", "Vulkan devices and CPU features", Command::devices);
@@ -276,6 +285,13 @@ Options parseOptions(int argc, char** argv, bool& handled) {
     addFormFactors(sub, o, raw);
     addMachine(sub, o);
   }
+  addScene(chart, o);
+  addPatches(chart, o);
+  addPaths(chart, o);
+  addSeedAndSky(chart, o, raw);
+  addMachine(chart, o);
+  chart->add_option("-o,--output", o.output, "Chart: .svg, .png or .html; .csv, .json and .reference.csv lie beside it")->required()->group("Results");
+  chart->add_option("--time", o.time, "Seconds that all may take together; default: 60")->check(inRange<double>(1, 1e6))->group("Machine");
   for (CLI::App* sub : {render, solve}) {
     CLI::Option* kept = sub->add_option("--factors", o.factors, "F kept by `farol factors -o F.npz`, with its patches")
                             ->group("Form factors");
@@ -346,6 +362,10 @@ Options parseOptions(int argc, char** argv, bool& handled) {
   if (o.command == Command::render) checkEnding(o.output, {".png", ".exr"});
   if (o.command == Command::compare) checkEnding(o.output, {".png"});
   if (o.command == Command::solve) checkEnding(o.output, {".glb"});
+  if (o.command == Command::chart) {
+    checkEnding(o.output, {".svg", ".png", ".html"});
+    if (o.time == 0) o.time = 60;
+  }
   if (o.command == Command::factors) {
     checkEnding(o.output, {".csv", ".npz", ".npy", ".mtx"});
     const bool table = o.output.empty() || endingOf(o.output) == ".csv";

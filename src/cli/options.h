@@ -9,7 +9,7 @@
 
 namespace farol {
 
-enum class Command { none, render, solve, factors, compare, info, devices };
+enum class Command { none, render, solve, factors, compare, chart, info, devices };
 
 // One way to make rows of F, with its settings.
 struct MethodSpec {
@@ -70,6 +70,7 @@ struct Options {
 
   // machine
   std::string device;
+  double time = 0;  // [s]; chart: 60; 0: no limit
   uint64_t memory = 0;  // [bytes] for form factors; 0: four fifths of what is free
   int threads = 0;      // 0: all
 

@@ -2,6 +2,8 @@
 
 #include "base/error.h"
 #include "base/output_file.h"
+#include "chart/chart.h"
+#include "cli/chart_run.h"
 #include "cli/choices.h"
 #include "cli/comparison_text.h"
 #include "cli/report.h"
@@ -53,6 +55,8 @@ class Run {
       case Command::compare:
         compare();
         break;
+      case Command::chart:
+        return chart();
       case Command::factors:
         chooseMethod();
         makeF();
@@ -683,6 +687,52 @@ class Run {
     say("mirrors and glass: {} patches; {:.2g} % of what patches see first; left out, H would change by about {:.2g} % of its mean{}",
         report_.specularPatches, 100 * metSpecular, 100 * report_.model.withoutSpecular,
         patches_.colouredSpecular() ? "; coloured: one F per channel" : "");
+  }
+
+  // Error against time. What a signal leaves is written all the same.
+  int chart() {
+    const double before = report_.clock.totalSeconds();
+    requireWritable(besideChart(options_.output, ".csv"));
+    ChartRun run = runChart(options_, scene_, facets_, besideChart(options_.output, ".reference.csv"), log_);
+    run.chart.otherSeconds = before;
+    report_.clock.finish("chart");
+    writeChart(options_.output, run.chart);
+    report_.clock.finish("write");
+    sayChart(run.chart);
+    if (run.interrupted != 0) throw Interrupted(run.interrupted);
+    return finish();
+  }
+
+  void sayChart(const Chart& chart) const {
+    std::vector<ChartPoint> front;
+    for (const ChartPoint& p : chart.points) {
+      if (p.onFront) front.push_back(p);
+    }
+    std::sort(front.begin(), front.end(), [](const ChartPoint& a, const ChartPoint& b) { return a.seconds < b.seconds; });
+    say("reference: {} paths per cell, standard error of H {:.2g} % of its mean", chart.referencePaths, 100 * chart.referenceError);
+    say("{} settings measured{}; {} that nothing beats:", chart.points.size(), chart.complete ? "" : fmt::format(" in {:.3g} s, not all", options_.time),
+        front.size());
+    for (const ChartPoint& p : front) {
+      say("  {:>9.4f} s  {:>7} %  {:<26} {}", p.seconds, fmt::format("{}{:.3f}", p.error > p.noise ? "" : "<", 100 * std::max(p.error, p.noise)), p.series,
+          p.options);
+    }
+    // What the design of the program was made from: one receiver point in an empty box.
+    const auto known = [](const std::string& series) -> std::optional<std::pair<double, double>> {
+      if (series.starts_with("rays")) return std::pair(0.38, 0.6);
+      if (series.starts_with("hemicube")) return std::pair(0.31, 0.57);
+      return {};
+    };
+    for (const ErrorLaw& l : chart.laws) {
+      std::string compared;
+      if (const auto k = known(l.series)) {
+        constexpr double kSamples = 10, kNear = 1.5;
+        const double ratio = l.constant * std::pow(kSamples, -l.exponent) / (k->first * std::pow(kSamples, -k->second));
+        compared = ratio > kNear || ratio < 1 / kNear ? fmt::format(": {:.2g} times {:.2f} s^-{:.2f}, known from an empty box, at s = 10", ratio, k->first, k->second)
+                                                      : "";
+      }
+      say("rows of {}: error {:.3g} s^-{:.2f} (s samples per visible patch; {} points){}", l.series, l.constant, l.exponent, l.points, compared);
+    }
+    say("chart: {}", options_.output);
   }
 
   // What a run would take: exact counts, memory of F, and seconds from half a second of probe rows.

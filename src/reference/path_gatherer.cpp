@@ -1,0 +1,211 @@
+#include "reference/path_gatherer.h"
+
+#include "light/direct.h"
+
+namespace farol {
+
+struct PathGatherer::Lane {
+  GatherPath* path = nullptr;  // null: idle
+  uint64_t random = 0;
+  Rgb weight{1};
+  uint32_t depth = 0;
+  Vec3 point{0}, normal{0}, direction{0};
+
+  double next() { return unitFromBits(mixBits(random++)); }
+  void setDirection(double a, double b) {  // distributed as the cosine
+    const double r = std::sqrt(a), angle = 2 * kPi * b;
+    const Vec3 t = anyPerpendicular(normal), u = glm::cross(normal, t);
+    direction = r * std::cos(angle) * t + r * std::sin(angle) * u + std::sqrt(1 - a) * normal;
+  }
+};
+
+struct PathGatherer::ShadowRays {
+  RayPacket rays;
+  std::array<Rgb, kPacketSize> light;  // that arrives when nothing is in between; zero: no ray
+
+  ShadowRays() {
+    for (uint32_t k = 0; k < kPacketSize; ++k) clear(k);
+  }
+  void clear(uint32_t k) {
+    rays.set(k, Vec3(0), Vec3(0, 0, 1e-30));
+    light[k] = Rgb(0);
+  }
+};
+
+namespace {
+
+// What continuations over mirrors and glass meet.
+struct Met : PathSink {
+  void met(const PathHit& hit) override { hits.push_back(hit); }
+  std::vector<PathHit> hits;
+};
+
+}  // namespace
+
+PathGatherer::PathGatherer(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, const Scene& scene,
+                           const LampPlan& lamps, const Rgb& sky, const TreeLimits& limits)
+    : tracer_(tracer),
+      facets_(facets),
+      patches_(patches),
+      scene_(scene),
+      lamps_(lamps),
+      sky_(sky),
+      hitPatches_(facets, patches),
+      tree_(tracer, facets, patches, limits) {
+  double total = 0;
+  for (const Lamp& lamp : lamps.lamps) lampChance_.push_back(total += lamp.area * luminance(lamp.emission));
+  for (double& chance : lampChance_) chance /= total;
+  for (const Surface& s : scene.surfaces) {
+    const Material& m = scene.materials[s.material];
+    varies_.push_back(m.textured() || !s.colors.empty() ? 1 : 0);
+    constant_.push_back(m.evaluate(scene.textures, {}));
+  }
+}
+
+Optics PathGatherer::opticsAt(uint32_t facet, double u, double v) const {
+  const Facet& f = facets_.facets[facet];
+  if (varies_[f.surface] == 0) return constant_[f.surface];
+  const Surface& s = scene_.surfaces[f.surface];
+  return scene_.materials[s.material].evaluate(scene_.textures, attributesAt(s, f, u, v));
+}
+
+void PathGatherer::start(GatherPath& path, Lane& lane) const {
+  const Facet& facet = facets_.facets[path.facet];
+  path.irradiance = Rgb(0);
+  lane = {};
+  lane.path = &path;
+  lane.random = mixBits(path.seed) << 12;
+  lane.normal = path.back ? -facet.normal : facet.normal;
+  lane.point = facets_.point(facet, path.uv.x, path.uv.y);
+  lane.setDirection(path.direction[0], path.direction[1]);
+}
+
+// One point of one lamp, and one punctual light.
+void PathGatherer::light(Lane& lane, uint32_t k, ShadowRays& toLamps, ShadowRays& toPunctual) const {
+  toLamps.clear(k);
+  toPunctual.clear(k);
+  const Vec3 from = lane.point + kRayOffset * lane.normal;
+  if (!lampChance_.empty()) {
+    const double choice = lane.next();
+    const size_t which = std::min<size_t>(
+        static_cast<size_t>(std::upper_bound(lampChance_.begin(), lampChance_.end(), choice) - lampChance_.begin()), lampChance_.size() - 1);
+    const Lamp& lamp = lamps_.lamps[which];
+    const double chance = lampChance_[which] - (which > 0 ? lampChance_[which - 1] : 0);
+    // A parallelogram or a triangle: both are affine, and a triangle is half of one.
+    double s = lane.next(), t = lane.next();
+    const bool half = lamp.polygon.size() == 3;
+    if (half && s + t > 1) {
+      s = 1 - s;
+      t = 1 - t;
+    }
+    const Vec3& corner = lamp.polygon[0];
+    const Vec3 q = corner + s * (lamp.polygon[1] - corner) + t * (lamp.polygon[half ? 2 : 3] - corner);
+    const Vec3 d = q - lane.point;
+    const double squared = glm::dot(d, d), here = glm::dot(lane.normal, d), there = -glm::dot(lamp.normal, d);
+    if (here > 0 && there > 0) {
+      toLamps.light[k] = lane.weight * lamp.emission * (lamp.area * here * there / (kPi * squared * squared * chance));
+      toLamps.rays.set(k, from, q + kRayOffset * lamp.normal - from);
+    }
+  }
+  if (!scene_.lights.empty()) {
+    const size_t count = scene_.lights.size();
+    const PunctualLight& l = scene_.lights[std::min(static_cast<size_t>(lane.next() * static_cast<double>(count)), count - 1)];
+    const Rgb arrives = unoccludedIrradiance(l, facets_.frame.toScene(lane.point), lane.normal);
+    if (maxChannel(arrives) > 0) {
+      toPunctual.light[k] = lane.weight * arrives * static_cast<double>(count);
+      const Vec3 to = l.kind == PunctualLight::Kind::directional ? -2.0 * l.direction : facets_.frame.toUnit(l.position) - from;
+      toPunctual.rays.set(k, from, to);
+    }
+  }
+}
+
+void PathGatherer::meet(const HitPacket& hits, const RayPacket& rays, uint32_t k, Lane& lane) const {
+  Rgb& sum = lane.path->irradiance;
+  const uint32_t facet = hits.facet[k];
+  const auto end = [&] { lane.path = nullptr; };
+  if (facet == kNone) {
+    sum += lane.weight * sky_;
+    return end();
+  }
+  const bool back = hitPatches_.seenFromBehind(facet, rays, k);
+  const uint32_t patch = hitPatches_.at(facet, back, hits.u[k], hits.v[k]);
+  if (patch == kNone) return end();
+  PathHit next{facet, patch, back, hits.u[k], hits.v[k], Rgb(1)};
+  Rgb factor = opticsAt(facet, static_cast<double>(next.u), static_cast<double>(next.v)).diffuse;
+  if (lamps_.apart[patch] == 0) sum += lane.weight * opticsAt(facet, static_cast<double>(next.u), static_cast<double>(next.v)).emission;
+  if (tree_.specular(patch)) {
+    Met met;
+    met.hits.push_back(next);
+    PathEnds ends;
+    const SpecularHit hit{tree_.pointOn(facet, static_cast<double>(next.u), static_cast<double>(next.v)), lane.direction, Rgb(1), facet, patch, back, kNone, 0};
+    tree_.follow(std::span(&hit, 1), met, ends);
+    sum += lane.weight * ends.missed * sky_;
+    // Everything met shines; the path goes on from one of them, chosen by what it would reflect.
+    std::vector<Rgb> factors;
+    double total = 0;
+    for (const PathHit& h : met.hits) {
+      const Optics o = opticsAt(h.facet, static_cast<double>(h.u), static_cast<double>(h.v));
+      if (&h != &met.hits[0]) sum += lane.weight * h.weight * o.emission;
+      factors.push_back(h.weight * o.diffuse);
+      total += maxChannel(factors.back());
+    }
+    if (total <= 0) return end();
+    double choice = lane.next() * total;
+    size_t which = 0;
+    while (which + 1 < factors.size() && choice >= maxChannel(factors[which])) choice -= maxChannel(factors[which++]);
+    if (maxChannel(factors[which]) <= 0) return end();
+    next = met.hits[which];
+    factor = factors[which] * (total / maxChannel(factors[which]));
+  }
+  lane.weight *= factor;
+  if (maxChannel(lane.weight) <= 0) return end();
+  constexpr uint32_t kSure = 2;
+  if (++lane.depth > kSure) {
+    const double survival = std::min(1.0, maxChannel(lane.weight));
+    if (lane.next() >= survival) return end();
+    lane.weight /= survival;
+  }
+  const Facet& f = facets_.facets[next.facet];
+  lane.normal = next.back ? -f.normal : f.normal;
+  lane.point = tree_.pointOn(next.facet, static_cast<double>(next.u), static_cast<double>(next.v));
+  const double a = lane.next(), b = lane.next();
+  lane.setDirection(a, b);
+}
+
+void PathGatherer::gather(std::span<GatherPath> paths) const {
+  std::array<Lane, kPacketSize> lanes;
+  size_t started = 0;
+  RayPacket rays;
+  HitPacket hits;
+  ShadowRays toLamps, toPunctual;
+  const auto addLight = [&](ShadowRays& shadow, uint32_t count) {
+    const uint32_t blocked = tracer_.occluded(shadow.rays, count);
+    for (uint32_t k = 0; k < count; ++k) {
+      if (lanes[k].path != nullptr && (blocked >> k & 1) == 0) lanes[k].path->irradiance += shadow.light[k];
+    }
+  };
+  for (;;) {
+    uint32_t busy = 0;  // lanes up to the last busy one
+    for (uint32_t k = 0; k < kPacketSize; ++k) {
+      if (lanes[k].path == nullptr && started < paths.size()) start(paths[started++], lanes[k]);
+      if (lanes[k].path != nullptr) {
+        busy = k + 1;
+        light(lanes[k], k, toLamps, toPunctual);
+        rays.set(k, lanes[k].point + kRayOffset * lanes[k].normal, lanes[k].direction);
+      } else {
+        toLamps.clear(k);
+        toPunctual.clear(k);
+        rays.set(k, Vec3(0), Vec3(0, 0, 1));
+      }
+    }
+    if (busy == 0) return;
+    if (!lampChance_.empty()) addLight(toLamps, busy);
+    if (!scene_.lights.empty()) addLight(toPunctual, busy);
+    tracer_.intersect(rays, busy, hits);
+    for (uint32_t k = 0; k < busy; ++k) {
+      if (lanes[k].path != nullptr) meet(hits, rays, k, lanes[k]);
+    }
+  }
+}
+
+}  // namespace farol

@@ -1,0 +1,52 @@
+// Irradiance of the continuous scene at a point, by paths: no patches, no form factors, no mesh error. Light of lamps apart
+// and of punctual lights is sampled at every point of a path by a shadow ray, everything else is met.
+#pragma once
+
+#include "light/lamps.h"
+#include "trace/ray_tree.h"
+
+#include <span>
+
+namespace farol {
+
+// Where a path starts, and what came of it.
+struct GatherPath {
+  uint32_t facet = 0;
+  bool back = false;
+  Vec2 uv{0};
+  std::array<double, 2> direction{};  // in [0,1)^2: the first direction
+  uint64_t seed = 0;                  // of everything else
+  Rgb irradiance{0};                  // an unbiased estimate of H [flux per area]
+};
+
+class PathGatherer {
+ public:
+  // The references must outlive this. `patches` says which sides exist and which of them are mirrors or glass.
+  PathGatherer(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, const Scene& scene,
+               const LampPlan& lamps, const Rgb& sky, const TreeLimits& limits);
+
+  // Fills `irradiance` of each path, sixteen at a time.
+  void gather(std::span<GatherPath> paths) const;
+
+ private:
+  struct Lane;
+  struct ShadowRays;
+  void start(GatherPath& path, Lane& lane) const;
+  void light(Lane& lane, uint32_t k, ShadowRays& toLamps, ShadowRays& toPunctual) const;
+  void meet(const HitPacket& hits, const RayPacket& rays, uint32_t k, Lane& lane) const;
+  Optics opticsAt(uint32_t facet, double u, double v) const;
+
+  const Tracer& tracer_;
+  const FacetSet& facets_;
+  const PatchSet& patches_;
+  const Scene& scene_;
+  const LampPlan& lamps_;
+  Rgb sky_;
+  HitPatches hitPatches_;
+  RayTree tree_;
+  std::vector<double> lampChance_;   // cumulative
+  std::vector<uint8_t> varies_;      // [surfaces] optics depend on the place
+  std::vector<Optics> constant_;     // [surfaces] of those that do not
+};
+
+}  // namespace farol
