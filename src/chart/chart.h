@@ -44,7 +44,7 @@ struct Chart {
 };
 
 void markFront(std::vector<ChartPoint>& points);
-// Series with three points or more; only points whose F is sampled.
+// Series with three points or more; only points with at least a sample per patch.
 std::vector<ErrorLaw> fitLaws(const std::vector<ChartPoint>& points);
 
 // `path` ends in .svg, .png or .html; the data lie beside it as .csv and .json. Throws Error where gnuplot is missing or

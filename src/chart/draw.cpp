@@ -113,14 +113,14 @@ std::string script(const Chart& chart, const std::string& terminal, const std::s
   std::sort(front.begin(), front.end(), [](const ChartPoint* a, const ChartPoint* b) { return a->seconds < b->seconds; });
   std::string text = fmt::format("set terminal {}\nset output '{}'\n", terminal, output);
   text += "set encoding utf8\nset multiplot layout 1,2\n";
-  text += fmt::format("set label 1 '{}' at screen 0.012,0.965 font ',17' noenhanced\n", plain(chart.scene));
+  text += fmt::format("set label 1 '{}' at screen 0.012,0.965 font ',17' noenhanced\n", plain(std::filesystem::path(chart.scene).filename().string()));
   text += fmt::format("set label 2 '{}' at screen 0.012,0.93 font ',11' textcolor rgb '#555555' noenhanced\n", plain(chart.machine));
   text +=
       "set tmargin at screen 0.86\nset bmargin at screen 0.1\nset logscale xy\nset grid xtics ytics mytics lc rgb '#DDDDDD', lc rgb '#EEEEEE'\n"
       "set xlabel 'seconds'\nset format y '%g %%'\nset format x '%g'\nset border lc rgb '#888888'\n"
       "set key outside right top vertical Left reverse samplen 1.5 spacing 1.15 font ',11'\n";
   text += "set title 'Error of irradiance H (rms, of its mean) against time of form factors, light and solve' font ',12'\n";
-  text += "set lmargin at screen 0.07\nset rmargin at screen 0.5\n";
+  text += "set lmargin at screen 0.06\nset rmargin at screen 0.45\n";
   double noise = 0;
   for (const ChartPoint& p : chart.points) noise = std::max(noise, p.noise);
   std::string before, data;
@@ -132,9 +132,9 @@ std::string script(const Chart& chart, const std::string& terminal, const std::s
   if (noise > 0) before += fmt::format("{} with lines dt 3 lw 1.5 lc rgb '#888888' title 'not resolved below', ", 100 * noise);
   std::string first = panel(series, &ChartPoint::seconds, &ChartPoint::error, before);
   first.insert(first.find('\n') + 1, data);
-  text += "set key at screen 0.512,0.86 left top\n" + first;
+  text += "set key at screen 0.46,0.86 left top\n" + first;
   text += "unset label 1\nunset label 2\nset title 'Error of rows of F (L1) against time of rows' font ',12'\n";
-  text += "set lmargin at screen 0.74\nset rmargin at screen 0.985\nunset key\n";
+  text += "set lmargin at screen 0.67\nset rmargin at screen 0.985\nunset key\n";
   if (!rows.empty()) text += panel(rows, &ChartPoint::rowSeconds, &ChartPoint::rowError, "");
   return text + "unset multiplot\nset output\n";
 }

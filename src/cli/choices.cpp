@@ -142,7 +142,7 @@ StorageChoice chooseStorage(const Situation& at, const MethodSpec& spec) {
 PlaceChoice chooseSolvePlace(const Situation& at, const FormFactorMatrix& f) {
   const Options& o = at.options;
   if (o.solveOn != "auto") return {o.solveOn == "gpu", "asked for"};
-  if (o.solverAsked && o.solver == SolverKind::gaussSeidel) return {false, "Gauss-Seidel sweeps in order"};
+  if (o.gave("--solver") && o.solver == SolverKind::gaussSeidel) return {false, "Gauss-Seidel sweeps in order"};
   // Some ten sweeps at a rate that any machine reaches, against what opening a device takes.
   constexpr double kSweeps = 10, kBytesPerSecond = 1e10, kWorthLooking = 0.5;
   if (static_cast<double>(f.bytes()) * kSweeps / kBytesPerSecond < kWorthLooking)

@@ -1,5 +1,6 @@
 #include "cli/lighting.h"
 
+#include "base/machine.h"
 #include "formfactor/rays.h"
 
 #include <numeric>
@@ -148,6 +149,26 @@ Lighting LightingMaker::local(const Scene& scene, const PatchSet& patches) const
   Lighting lighting;
   lighting.solution = localIllumination(patches, scene.lights, options_.sky);
   return lighting;
+}
+
+Replicates replicatesOf(Methods& methods, const PatchSet& patches, const MethodSpec& spec, const FormFactorMatrix& f, size_t probes) {
+  Replicates replicates;
+  if (spec.kind == MethodSpec::Kind::exact || probes == 0) return replicates;
+  const Stopwatch watch;
+  constexpr uint32_t kManyRays = 65536;
+  MethodSpec again = spec;
+  if (again.hemicubes()) {
+    again.kind = MethodSpec::Kind::rays;
+    again.rays = kManyRays;
+    replicates.better = true;
+  }
+  replicates.patches = chooseProbes(patches, probes);
+  again.seed = mixBits(again.seed + 1);
+  replicates.rows.emplace(f.size());
+  if (f.coloured()) replicates.rows->addChannels();
+  methods.maker(again)->makeRows(replicates.patches, *replicates.rows, [](size_t) {});
+  replicates.seconds = watch.seconds();
+  return replicates;
 }
 
 double relativeError(const FormFactorMatrix& f, const PatchSet& patches, const Lighting& lighting) {

@@ -49,6 +49,10 @@ class LightingMaker {
   const Log& log_;
 };
 
+// Rows of some patches once more, by other random numbers or, for hemicubes, by many rays; their direct light is left to the
+// lighting.
+Replicates replicatesOf(Methods& methods, const PatchSet& patches, const MethodSpec& spec, const FormFactorMatrix& f, size_t probes);
+
 // Root of the area-weighted mean square of `error`, over the mean of H (worst channel); areas are exposed areas.
 double relativeError(const FormFactorMatrix& f, const PatchSet& patches, const Lighting& lighting);
 

@@ -33,6 +33,8 @@ class Methods {
   const gpu::Device& device(const std::string& name = "");
   const ExposedArea& exposedArea();
 
+  void patchesChanged() { exposed_.reset(); }  // the set is another one now
+
   bool deviceOpen() const { return !devices_.empty(); }
   bool tracerOpen() const { return tracer_ != nullptr; }
   size_t validationMessages() const;

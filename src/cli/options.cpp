@@ -228,6 +228,22 @@ std::string unknownArgument(const CLI::App& app) {
                      close ? fmt::format("; did you mean {}?", nearest) : "; --help lists what is known");
 }
 
+// 1 % where render and solve are asked for nothing that decides accuracy.
+void chooseTolerance(Options& o) {
+  constexpr double kUsual = 0.01;
+  const bool kept = !o.factors.empty() || !o.variants.empty() || o.localIllumination;
+  if (o.gave("--tolerance")) {
+    if (kept) throw UsageError("--tolerance chooses how F is made: it does not go with --factors, --variants or --illumination local");
+    return;
+  }
+  if (kept || (o.command != Command::render && o.command != Command::solve && o.command != Command::info)) return;
+  for (const char* own : {"--patches", "--patch-size", "--method", "--resolution", "--projection", "--positions", "--rays", "--near-field", "--emitters",
+                          "--shadow-rays"}) {
+    if (o.gave(own)) return;
+  }
+  o.tolerance = kUsual;
+}
+
 }  // namespace
 
 const char* commandName(Command command) {
@@ -285,6 +301,13 @@ Options parseOptions(int argc, char** argv, bool& handled) {
     addFormFactors(sub, o, raw);
     addMachine(sub, o);
   }
+  for (CLI::App* sub : {render, solve, factors, info}) {
+    sub->add_option("--tolerance", o.tolerance, "Error of irradiance, relative to its mean, that patches, method and samples are chosen for; what is given is kept. "
+                                                "Without options of these, render and solve take 0.01")
+        ->check(inRange<double>(1e-5, 1))
+        ->group("Accuracy");
+    sub->add_option("--time", o.time, "Seconds that a tolerance may take; 0: any")->check(inRange<double>(0, 1e9))->group("Accuracy");
+  }
   addScene(chart, o);
   addPatches(chart, o);
   addPaths(chart, o);
@@ -340,16 +363,16 @@ Options parseOptions(int argc, char** argv, bool& handled) {
   }
   CLI::App* chosen = app.get_subcommands().front();
   o.command = commands.at(chosen);
-  for (const char* name : {"--patches", "--patch-size"}) {
-    const CLI::Option* option = chosen->get_option_no_throw(name);
-    o.patchesAsked |= option != nullptr && option->count() > 0;
+  for (const CLI::Option* option : chosen->get_options()) {
+    if (option->count() == 0) continue;
+    for (const std::string& name : option->get_lnames()) o.given.insert("--" + name);
   }
-  if (const CLI::Option* solver = chosen->get_option_no_throw("--solver")) o.solverAsked = solver->count() > 0;
   o.projection = kProjections.at(raw.projection);
   o.solver = kSolvers.at(raw.solver);
-  if (o.solveOn == "gpu" && o.solverAsked && o.solver != SolverKind::jacobi)
+  if (o.solveOn == "gpu" && o.gave("--solver") && o.solver != SolverKind::jacobi)
     throw UsageError("--solve-on gpu: sweeps on a device are Jacobi's; leave --solver {} out", raw.solver);
   o.localIllumination = raw.illumination == "local";
+  chooseTolerance(o);
   o.sky = parseSky(raw.sky);
   o.nearField = raw.nearField == "on";
   o.emittersApart = raw.emitters == "apart";

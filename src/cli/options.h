@@ -5,6 +5,7 @@
 #include "formfactor/projection.h"
 #include "solve/solver.h"
 
+#include <set>
 #include <string>
 
 namespace farol {
@@ -28,11 +29,14 @@ struct MethodSpec {
 struct Options {
   Command command = Command::none;
   std::string scene, output;
+  std::set<std::string> given;  // names of the options that stand on the command line
+  bool gave(const std::string& name) const { return given.contains(name); }
+
+  double tolerance = 0;  // error of H (relative to its mean, rms over area) to be met; 0: the options as they are
 
   // patches
   size_t patches = 4000;
   double patchSize = 0;  // [scene units]; 0: from `patches`
-  bool patchesAsked = false;  // one of them was given
 
   // form factors
   std::string method = "auto";
@@ -56,7 +60,6 @@ struct Options {
   bool emittersApart = true;
   uint32_t shadowRays = 64;
   SolverKind solver = SolverKind::gaussSeidel;
-  bool solverAsked = false;  // it was given
   std::string solveOn = "auto";
   double residual = 1e-5;
   size_t maxSweeps = 100000;
@@ -70,7 +73,7 @@ struct Options {
 
   // machine
   std::string device;
-  double time = 0;  // [s]; chart: 60; 0: no limit
+  double time = 0;  // [s] for form factors, light and solve, or for a chart; 0: no limit
   uint64_t memory = 0;  // [bytes] for form factors; 0: four fifths of what is free
   int threads = 0;      // 0: all
 

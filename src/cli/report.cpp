@@ -186,6 +186,23 @@ void writeReport(const std::string& path, const Report& r) {
                    {"relative_error", e.relativeError}};
   }
   j["estimated_error"] = r.estimatedError ? json(*r.estimatedError) : json(nullptr);
+  if (r.tolerance) {
+    const ToleranceReport& t = *r.tolerance;
+    const auto parts = [](const ErrorParts& e) {
+      return json{{"patches", e.patches}, {"rows", e.rows}, {"light", e.light}, {"sweeps", e.sweeps}, {"total", e.total()}};
+    };
+    json choices = json::array();
+    for (const Choice& c : t.plan.choices) choices.push_back({{"what", c.what}, {"value", c.value}, {"why", c.why}});
+    j["tolerance"] = {{"asked", t.asked},
+                      {"met", t.met},
+                      {"predicted_error", parts(t.plan.predicted)},
+                      {"estimated_error", parts(t.estimated)},
+                      {"predicted_seconds", t.plan.seconds},
+                      {"seconds", t.seconds},
+                      {"choosing_seconds", t.plan.choosing},
+                      {"limited_by", t.plan.limitedBy},
+                      {"choices", choices}};
+  }
   if (r.sensors > 0) j["sensors"] = r.sensors;
   if (r.solverComparison) {
     const SolverComparison& c = *r.solverComparison;

@@ -3,6 +3,7 @@
 
 #include "base/machine.h"
 #include "cli/options.h"
+#include "cli/tolerance.h"
 #include "formfactor/comparison.h"
 #include "gpu/gpu.h"
 
@@ -49,6 +50,14 @@ struct ModelReport {
   double withoutSpecular = 0;  // relative change of H that leaving mirrors and glass out would make, estimated
 };
 
+struct ToleranceReport {
+  double asked = 0;
+  bool met = false;
+  TolerancePlan plan;
+  ErrorParts estimated;
+  double seconds = 0;  // choosing, form factors, light, solve and errors together
+};
+
 struct Report {
   Options options;
   MethodSpec method;  // the one chosen
@@ -76,6 +85,7 @@ struct Report {
   std::string lampsWhy;
   size_t shadowRays = 0, sensors = 0;
   std::optional<double> estimatedError;  // of H, rms relative to its mean
+  std::optional<ToleranceReport> tolerance;
   std::optional<ComparisonReport> comparison;
   std::optional<SolverComparison> solverComparison;
   std::optional<Solution> solution;  // figures only: without the vectors

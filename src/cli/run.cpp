@@ -7,6 +7,7 @@
 #include "cli/choices.h"
 #include "cli/comparison_text.h"
 #include "cli/report.h"
+#include "cli/tolerance.h"
 #include "cli/variants.h"
 #include "formfactor/error_model.h"
 #include "formfactor/near_field.h"
@@ -50,6 +51,7 @@ class Run {
     switch (options_.command) {
       case Command::info:
         chooseMethod();
+        if (options_.tolerance > 0 && lit()) choosePlan();
         forecast();
         break;
       case Command::compare:
@@ -59,7 +61,13 @@ class Run {
         return chart();
       case Command::factors:
         chooseMethod();
-        makeF();
+        if (options_.tolerance > 0) {
+          if (!lit()) throw Error("{}: nothing emits light: an error of irradiance has no meaning; leave --tolerance out", options_.scene);
+          options_.emittersApart = false;
+          meetTolerance();
+        } else {
+          makeF();
+        }
         writeFactors();
         break;
       default:
@@ -68,12 +76,16 @@ class Run {
             loadF();
           } else {
             chooseMethod();
-            makeF();
+            if (options_.tolerance > 0)
+              meetTolerance();
+            else
+              makeF();
           }
-          chooseSolvePlace();
+          if (!f_ || lighting_.solution.radiosity.empty()) chooseSolvePlace();
         }
         if (variants_.empty()) {
-          light();
+          if (lighting_.solution.radiosity.empty()) light();
+          sayLight();
           writeResults();
         } else {
           solveVariants();
@@ -97,7 +109,7 @@ class Run {
   void openKept() {
     kept_.emplace(options_.factors);
     const PatchOptions& p = kept_->about().patches;
-    if (options_.patchesAsked && (p.size != options_.patchSize || (p.size == 0 && p.count != options_.patches))) {
+    if ((options_.gave("--patches") || options_.gave("--patch-size")) && (p.size != options_.patchSize || (p.size == 0 && p.count != options_.patches))) {
       throw Error("{}: these factors are for {}; leave --patches and --patch-size out", options_.factors,
                   p.size > 0 ? fmt::format("--patch-size {}", p.size) : fmt::format("--patches {}", p.count));
     }
@@ -183,7 +195,7 @@ class Run {
     countPatches();
     reportStorage();
     report_.clock.finish("form factors");
-    model_ = fitErrorModel(*f_, patches_, makeProbes(*spec_, *f_, kProbes), samplesOf(*spec_));
+    model_ = fitErrorModel(*f_, patches_, makeProbes(*spec_, *f_, options_.tolerance > 0 ? kProbes / 3 : kProbes), samplesOf(*spec_));
     replicateRows();
     if (spec_->kind == MethodSpec::Kind::exact) model_ = {};
     report_.errorModel = model_;
@@ -242,7 +254,8 @@ class Run {
     };
     MethodSpec reference = spec;
     reference.kind = MethodSpec::Kind::rays;
-    reference.rays = spec.kind == MethodSpec::Kind::rays ? 16 * spec.rays
+    const uint32_t better = options_.tolerance > 0 ? 4 : 16;  // a table of so many rays costs more than the rows of few probes
+    reference.rays = spec.kind == MethodSpec::Kind::rays ? better * spec.rays
                      : count > kProbes || spec.resolution > 64 ? 65536 : 16384;
     if (spec.kind == MethodSpec::Kind::rays) reference.rays = std::min(reference.rays, std::max(2 * spec.rays, 1u << 18));
     reference.seed = mixBits(spec.seed);
@@ -258,22 +271,12 @@ class Run {
     return probes;
   }
 
-  // Rows of about every sixteenth patch once more, by other random numbers or, for raster, by many rays: their
-  // differences tell the error of H.
+  // Their differences to F's rows tell the error of H.
   void replicateRows() {
-    if (spec_->kind == MethodSpec::Kind::exact) return;
-    constexpr size_t kFewest = 384, kShare = 16;
-    MethodSpec again = *spec_;
-    if (again.hemicubes()) {
-      again.kind = MethodSpec::Kind::rays;
-      again.rays = 65536;
-      replicates_.better = true;
-    }
-    replicates_.patches = chooseProbes(patches_, std::max(replicates_.better ? kFewest / 2 : kFewest, patches_.size() / kShare));
-    again.seed = mixBits(again.seed + 1);
-    replicates_.rows.emplace(f_->size());
-    if (f_->coloured()) replicates_.rows->addChannels();
-    methods_.maker(again)->makeRows(replicates_.patches, *replicates_.rows, [](size_t) {});
+    // A tolerance is met on the whole: fewer tell that than tell the error of every patch.
+    constexpr size_t kFewest = 384, kShare = 16, kForWhole = 128;
+    const size_t fewest = options_.tolerance > 0 ? kForWhole : spec_->hemicubes() ? kFewest / 2 : kFewest;
+    replicates_ = replicatesOf(methods_, patches_, *spec_, *f_, std::max(fewest, patches_.size() / kShare));
   }
 
   void reportRowErrors() {
@@ -307,6 +310,91 @@ class Run {
     }
   }
 
+  void choosePlan() {
+    plan_ = planFor(options_, scene_, facets_, *spec_);
+    applyPlan();
+    report_.clock.finish("choosing");
+    say("tolerance {:.3g} %: {:.2g} % predicted, in {:.2g} s:", 100 * options_.tolerance, 100 * plan_->predicted.total(), plan_->seconds);
+    for (const Choice& c : plan_->choices) say("  {}: {} ({})", c.what, c.value, c.why);
+  }
+
+  // The options and patches of the plan. With --patches given the patches stay as they are.
+  void applyPlan() {
+    options_.patchSize = plan_->size.size;
+    if (plan_->size.size == 0) options_.patches = plan_->size.count;
+    options_.shadowRays = plan_->setting.shadowRays;
+    options_.residual = plan_->setting.residual;
+    spec_ = plan_->setting.spec;
+    options_.rays = spec_->rays;
+    options_.resolution = spec_->resolution;
+    options_.positions = spec_->positions;
+    report_.options = options_;
+    patches_ = buildPatches(scene_, facets_, {options_.patches, options_.patchSize});
+    methods_.patchesChanged();
+    countPatches();
+  }
+
+  // Chooses, solves, and refines where the estimate of what was reached says so.
+  void meetTolerance() {
+    constexpr int kRounds = 4;
+    const Stopwatch watch;
+    choosePlan();
+    ErrorParts found;
+    for (int round = 0;; ++round) {
+      makeF();
+      if (round == 0) chooseSolvePlace();
+      light();
+      found = errorParts();
+      report_.estimatedError = found.total();
+      report_.clock.finish("errors");
+      if (found.total() <= options_.tolerance || round + 1 == kRounds || !plan_->limitedBy.empty()) break;
+      const TolerancePlan next = refined(*plan_, options_, facets_, found);
+      const bool changed = next.size.size != plan_->size.size || next.setting.spec.rays != plan_->setting.spec.rays ||
+                           next.setting.spec.resolution != plan_->setting.spec.resolution || next.setting.spec.positions != plan_->setting.spec.positions ||
+                           next.setting.shadowRays != plan_->setting.shadowRays;
+      if (!changed) {
+        plan_->limitedBy = "the options given";
+        break;
+      }
+      if (options_.time > 0 && 2 * watch.seconds() > options_.time) {
+        plan_->limitedBy = "time";
+        break;
+      }
+      say("refined: the error is estimated as {:.2g} % (patches {:.2g}, rows {:.2g}, light {:.2g})", 100 * found.total(), 100 * found.patches, 100 * found.rows,
+          100 * found.light);
+      plan_ = next;
+      applyPlan();
+      report_.checks.reset();
+      replicates_ = {};
+      lighting_ = {};
+    }
+    report_.tolerance = ToleranceReport{options_.tolerance, found.total() <= options_.tolerance, *plan_, found, watch.seconds()};
+    if (!report_.tolerance->met) {
+      log_.warn(fmt::format("the tolerance of {:.3g} % is not met: the error of H is estimated as {:.2g} %{}", 100 * options_.tolerance, 100 * found.total(),
+                            plan_->limitedBy.empty() ? "" : "; limited by " + plan_->limitedBy));
+    }
+  }
+
+  ErrorParts errorParts() {
+    ErrorParts e;
+    e.patches = patchErrorOf(*f_, patches_, facets_, lighting_);
+    const auto by = [&](const Replicates& part) {
+      const std::vector<double> kept = lighting_.error;
+      lighting_.error = irradianceError(*f_, patches_, lighting_.direct, lighting_.solution, part, samplesOf(*spec_), options_.sky);
+      const double error = relativeError(*f_, patches_, lighting_);
+      lighting_.error = kept;
+      return error;
+    };
+    Replicates light;
+    light.patches = replicates_.patches;
+    light.direct = replicates_.direct;
+    e.sweeps = by({});
+    const double lightAndSweeps = by(light), all = *report_.estimatedError;
+    e.light = std::sqrt(std::max(0.0, lightAndSweeps * lightAndSweeps - e.sweeps * e.sweeps));
+    e.rows = std::sqrt(std::max(0.0, all * all - lightAndSweeps * lightAndSweeps));
+    return e;
+  }
+
   // Light the scene as it stands.
   void light() {
     if (f_) {
@@ -321,6 +409,9 @@ class Run {
     }
     reportSolution();
     report_.clock.finish("solve");
+  }
+
+  void sayLight() {
     if (!f_) {
       say("{}", options_.localIllumination && lit()
                     ? "local illumination: emitters as points, nothing in between, no interreflection"
@@ -774,7 +865,8 @@ class Run {
       writeReport(options_.report, report_);
       say("report: {}", options_.report);
     }
-    return report_.solution && !report_.solution->converged ? 3 : 0;
+    const bool missed = report_.tolerance && !report_.tolerance->met;
+    return missed || (report_.solution && !report_.solution->converged) ? 3 : 0;
   }
 
   template <typename... Args>
@@ -799,6 +891,7 @@ class Run {
   std::optional<FormFactorMatrix> f_;
   Replicates replicates_;
   ErrorModel model_;
+  std::optional<TolerancePlan> plan_;
   Lighting lighting_;
   std::vector<Sensor> sensors_;
 };

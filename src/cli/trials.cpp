@@ -16,7 +16,9 @@ SizedScene::SizedScene(const Options& options, const Scene& scene, const FacetSe
       methods_(options_, scene_, facets_, patches_, log_),
       lightings_(options_, facets_, methods_, log_) {}
 
-Trial SizedScene::solve(const Setting& setting) {
+void SizedScene::join() { mapCells(patches_, scene_, facets_, joinedCells(patches_, facets_)); }
+
+Trial SizedScene::solve(const Setting& setting, size_t probes) {
   options_.emittersApart = setting.emittersApart;
   options_.shadowRays = setting.shadowRays;
   options_.solver = setting.solver;
@@ -29,11 +31,23 @@ Trial SizedScene::solve(const Setting& setting) {
   Trial trial{FormFactorMatrix(patches_.size(), allowedBytes(options_), storage.storage), {}};
   if (patches_.colouredSpecular()) trial.f.addChannels();
   makeFormFactors(*maker, patches_, maxChannel(options_.sky) > 0, log_, trial.f);
-  trial.rowSeconds = watch.seconds();
-  Replicates none;
-  trial.lighting = lightings_.solve(scene_, patches_, options_.sky, trial.f, setting.spec, none, nullptr);
-  trial.lightSeconds = watch.seconds() - trial.rowSeconds;
+  Replicates replicates = replicatesOf(methods_, patches_, setting.spec, trial.f, probes);
+  trial.rowSeconds = watch.seconds() - replicates.seconds;
+  trial.lighting = lightings_.solve(scene_, patches_, options_.sky, trial.f, setting.spec, replicates, nullptr);
+  trial.lightSeconds = watch.seconds() - trial.rowSeconds - replicates.seconds;
   trial.cpuSeconds = static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC;
+  if (probes > 0) {
+    const auto errorBy = [&](Replicates part) {
+      trial.lighting.error = irradianceError(trial.f, patches_, trial.lighting.direct, trial.lighting.solution, part, samplesOf(setting.spec), options_.sky);
+      return relativeError(trial.f, patches_, trial.lighting);
+    };
+    Replicates light;
+    light.patches = replicates.patches;
+    light.direct = replicates.direct;
+    trial.lightError = errorBy(std::move(light));
+    replicates.direct.reset();
+    trial.rowError = errorBy(std::move(replicates));
+  }
   return trial;
 }
 

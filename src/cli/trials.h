@@ -18,6 +18,7 @@ struct Setting {
 struct Trial {
   FormFactorMatrix f;
   Lighting lighting;  // without errors
+  double rowError = 0, lightError = 0;  // of H by rows of F and by direct light, relative (relativeError)
   double rowSeconds = 0, lightSeconds = 0, cpuSeconds = 0;  // rows of F; direct light and solve; of all cores, for both
 
   double seconds() const { return rowSeconds + lightSeconds; }
@@ -28,7 +29,11 @@ class SizedScene {
   // The references must outlive this.
   SizedScene(const Options& options, const Scene& scene, const FacetSet& facets, const PatchOptions& size);
 
-  Trial solve(const Setting& setting);
+  // Joins two by two cells to one patch (joinedCells).
+  void join();
+
+  // With errors where `probes`, a number of rows to be made again, is not 0.
+  Trial solve(const Setting& setting, size_t probes = 0);
 
   const PatchSet& patches() const { return patches_; }
   Methods& methods() { return methods_; }

@@ -170,6 +170,36 @@ double cellArea(const FacetSet& facets, const CellGrid& grid, uint32_t facet) {
   return f.area * facets.frame.size * facets.frame.size / grid.count(f.parallelogram);
 }
 
+double sizeForPatches(const FacetSet& facets, size_t count) {
+  std::vector<EdgeLengths> edges;
+  for (const Facet& f : facets.facets) edges.push_back(edgeLengths(facets, f));
+  return sizeForCount(facets, edges, targetCells(facets, count)) * facets.frame.size;
+}
+
+std::vector<uint32_t> joinedCells(const PatchSet& patches, const FacetSet& facets) {
+  std::vector<uint32_t> map(patches.cells.size());
+  std::vector<uint32_t> numbers;  // of one facet's joined cells, on the side at hand
+  uint32_t next = 0, facet = kNone;
+  bool back = false;
+  for (size_t c = 0; c < map.size(); ++c) {
+    const Cell& cell = patches.cells[c];
+    const bool parallelogram = facets.facets[cell.facet].parallelogram;
+    const CellGrid& grid = patches.grids[cell.facet];
+    const CellGrid half{(grid.nu + 1) / 2, (grid.nv + 1) / 2, 0, kNone};
+    if (cell.facet != facet || cell.back != back) {
+      facet = cell.facet;
+      back = cell.back;
+      numbers.assign(half.count(parallelogram), kNone);
+    }
+    // A triangle's cells have no rows of pairs where their number is odd: each goes where its centre lies.
+    const Vec2 centre = cellPoint(grid, false, cell, 1.0 / 3, 1.0 / 3);
+    const uint32_t at = parallelogram ? cell.v / 2 * half.nu + cell.u / 2 : cellAt(half, false, centre.x, centre.y);
+    if (numbers[at] == kNone) numbers[at] = next++;
+    map[c] = numbers[at];
+  }
+  return map;
+}
+
 PatchSet buildPatches(const Scene& scene, const FacetSet& facets, const PatchOptions& options) {
   std::vector<EdgeLengths> edges;
   for (const Facet& f : facets.facets) edges.push_back(edgeLengths(facets, f));

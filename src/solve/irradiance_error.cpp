@@ -64,9 +64,10 @@ void carryOn(const FormFactorMatrix& f, const PatchSet& patches, const Neighbour
 
 // Variances from the squares that the nearest replicates show: three parts in the proportions of the law smoothed over
 // neighbours, one part as they are, since no law knows of everything. One standard deviation of such an estimate is
-// added, 1 / sqrt(2 m) for m replicates.
+// added, 1 / sqrt(2 m) for m replicates. A patch of which little is exposed has as many samples less: neighbours must not
+// take its error for theirs.
 std::vector<double> scaled(const Neighbourhood& near, const std::vector<double>& law, std::span<const uint32_t> probes,
-                           const std::vector<double>& squares) {
+                           const std::vector<double>& squares, const std::vector<double>& exposed) {
   constexpr size_t kSmooth = 4, kWindow = 24;
   constexpr double kLaw = 0.75;
   const std::vector<double> smooth = near.smoothed(law, kSmooth);
@@ -75,13 +76,13 @@ std::vector<double> scaled(const Neighbourhood& near, const std::vector<double>&
     if (window.empty()) return;
     double found = 0, expected = 0;
     for (const uint32_t p : window) {
-      found += squares[p];
+      found += squares[p] * exposed[probes[p]];
       expected += smooth[probes[p]];
     }
     const auto count = static_cast<double>(window.size());
     const double mean = found / count, byLaw = expected > 0 ? smooth[i] * found / expected : mean;
     const double above = 1 + 1 / std::sqrt(2 * count);
-    result[i] = above * above * (kLaw * byLaw + (1 - kLaw) * mean);
+    result[i] = above * above * (kLaw * byLaw + (1 - kLaw) * mean) / exposed[i];
   });
   return result;
 }
@@ -95,6 +96,9 @@ std::vector<double> irradianceError(const FormFactorMatrix& f, const PatchSet& p
   const std::vector<Rgb> r = carried(patches, direct, solution);
   const Neighbourhood near(patches);
   std::vector<Rgb> variance(n, Rgb(0));
+  constexpr double kLeastExposed = 1e-3;
+  std::vector<double> exposed(n);
+  for (size_t i = 0; i < n; ++i) exposed[i] = std::max(f.shares(i).exposed, kLeastExposed);
   std::vector<double> law(n), squares(probes);
   std::vector<Rgb> bias(probes, Rgb(0));
   if (replicates.rows) {
@@ -108,7 +112,7 @@ std::vector<double> irradianceError(const FormFactorMatrix& f, const PatchSet& p
       if (replicates.better) bias[k] = change;
     });
     for (size_t i = 0; i < n; ++i) law[i] = maxChannel(variance[i]);
-    const std::vector<double> own = scaled(near, law, replicates.patches, squares);
+    const std::vector<double> own = scaled(near, law, replicates.patches, squares, exposed);
     for (size_t i = 0; i < n; ++i) variance[i] = law[i] > 0 ? variance[i] * (own[i] / law[i]) : Rgb(own[i]);
   }
   if (replicates.direct) {
@@ -118,7 +122,7 @@ std::vector<double> irradianceError(const FormFactorMatrix& f, const PatchSet& p
       const Rgb change = direct.irradiance[p] - replicates.direct->irradiance[p];
       squares[k] = 0.5 * maxChannel(change * change);
     }
-    const std::vector<double> own = scaled(near, law, replicates.patches, squares);
+    const std::vector<double> own = scaled(near, law, replicates.patches, squares, exposed);
     for (size_t i = 0; i < n; ++i) variance[i] += own[i];
   }
   carryOn(f, patches, near, replicates.patches, bias, variance);

@@ -16,6 +16,7 @@ struct Replicates {
   // half of the squared difference is F's.
   bool better = false;
   std::optional<DirectLight> direct;  // with other random numbers
+  double seconds = 0;                 // that the rows took
 };
 
 // Per patch the standard error of H, worst channel [flux per area]. Squares of three parts are added:

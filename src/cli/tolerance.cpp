@@ -1,0 +1,299 @@
+#include "cli/tolerance.h"
+
+#include "base/error.h"
+#include "base/machine.h"
+#include "cli/choices.h"
+#include "solve/patch_error.h"
+
+namespace farol {
+namespace {
+
+using Kind = MethodSpec::Kind;
+
+// Predictions aim below the tolerance: estimates scatter.
+constexpr double kMargin = 0.78;
+// Errors fall with samples to this power, with the number of patches to half of kPatchOrder.
+constexpr double kSampleOrder = 0.6, kHemicubeOrder = 0.5;
+constexpr size_t kProbes = 96;
+constexpr uint32_t kMostRays = 1u << 16;
+// What a picture shows: grain of every patch and edges of shadows.
+constexpr size_t kPicturePatches = 4000;
+constexpr uint32_t kPictureRays = 256;
+
+double orderOf(const MethodSpec& spec) { return spec.kind == Kind::rays ? kSampleOrder : kHemicubeOrder; }
+
+// A setting's samples of rows, changed by a factor: rays, or the pixels of a hemicube.
+void scaleSamples(MethodSpec& spec, double factor) {
+  if (spec.kind == Kind::rays) {
+    const double rays = std::clamp(spec.rays * factor, 16.0, static_cast<double>(kMostRays));
+    spec.rays = static_cast<uint32_t>(std::ceil(rays / 16)) * 16;
+  } else if (spec.hemicubes()) {
+    // Beyond 128 pixels an edge more points of the patch do more.
+    constexpr double kEnough = 128;
+    double edge = spec.resolution * std::sqrt(factor);
+    while (edge > kEnough && spec.positions < 16) {
+      const int more = spec.positions == 1 ? 4 : spec.positions == 4 ? 9 : 16;
+      edge *= std::sqrt(static_cast<double>(spec.positions) / more);
+      spec.positions = more;
+    }
+    spec.resolution = static_cast<uint32_t>(std::clamp(2 * std::ceil(edge / 2), 16.0, 1024.0));
+  }
+}
+
+bool wantsPicture(const Options& o) { return o.command == Command::render || !o.output.empty(); }
+
+struct Costs {
+  double perRow = 0, perSample = 0, perShadowRay = 0, perEntry = 0;  // [s]
+};
+
+class Planner {
+ public:
+  Planner(const Options& options, const Scene& scene, const FacetSet& facets, const MethodSpec& method)
+      : options_(options), scene_(scene), facets_(facets), tolerance_(options.tolerance) {
+    plan_.setting.spec = method;
+    plan_.setting.emittersApart = options.emittersApart;
+    plan_.setting.solver = options.solver;
+    plan_.setting.shadowRays = options.shadowRays;
+    plan_.setting.residual = options.residual;
+    if (!options.gave("--residual")) plan_.setting.residual = std::clamp(0.03 * tolerance_, 1e-5, 1e-2);
+  }
+
+  TolerancePlan plan() {
+    const Stopwatch watch;
+    // Coarser trials cannot see shadows; finer ones cost more than they tell.
+    size_t count = tolerance_ < 0.004 ? 2500 : tolerance_ < 0.03 ? 1000 : 300;
+    for (int round = 0; round < 3; ++round) {
+      measure(count);
+      choose();
+      const auto wanted = static_cast<size_t>(patches_);
+      constexpr double kFar = 6, kMostTried = 12000;
+      if (fixedPatches() || static_cast<double>(wanted) < kFar * static_cast<double>(tried_) || static_cast<double>(tried_) >= kMostTried) break;
+      count = static_cast<size_t>(std::min(kMostTried, static_cast<double>(wanted) / 2));
+    }
+    plan_.choosing = watch.seconds();
+    explain();
+    return plan_;
+  }
+
+ private:
+  bool fixedPatches() const { return options_.gave("--patches"); }
+  bool fixedSamples() const {
+    return plan_.setting.spec.kind == Kind::exact || (plan_.setting.spec.kind == Kind::rays ? options_.gave("--rays") : options_.gave("--resolution"));
+  }
+  bool fixedShadow() const { return options_.gave("--shadow-rays"); }
+
+  void measure(size_t count) {
+    PatchOptions size{count, 0};
+    if (fixedPatches()) {
+      size = {options_.patches, 0};
+    } else if (options_.patchSize > 0) {
+      size = {0, std::min(options_.patchSize, sizeForPatches(facets_, count))};
+    }
+    SizedScene scene(options_, scene_, facets_, size);
+    Setting trial = plan_.setting;
+    constexpr double kReferenceTolerance = 0.05, kReferenceRays = 64;
+    const double rays = std::clamp(kReferenceRays * kReferenceTolerance / tolerance_, 32.0, 1024.0);
+    if (!fixedSamples()) {
+      trial.spec.rays = static_cast<uint32_t>(rays / 16) * 16;
+      trial.spec.resolution = tolerance_ < 0.005 ? 64 : 32;
+      if (!options_.gave("--positions")) trial.spec.positions = 1;
+    }
+    if (!fixedShadow()) trial.shadowRays = std::max(16u, trial.spec.rays / 4);
+    const Trial t = scene.solve(trial, kProbes);
+    trialSetting_ = trial;
+    tried_ = scene.patches().size();
+    rowError_ = t.rowError;
+    lightError_ = t.lightError;
+    patchError_ = patchErrorOf(t.f, scene.patches(), facets_, t.lighting);
+    shadowShare_ = t.lighting.direct.rays > 0 ? static_cast<double>(t.lighting.direct.rays) / (static_cast<double>(tried_) * trial.shadowRays) : 0;
+    fronts_ = static_cast<double>(scene.patches().frontPatchCount) / static_cast<double>(tried_);
+    const double n = static_cast<double>(tried_);
+    costs_.perSample = t.rowSeconds / (n * samplesOf(trial.spec));
+    // Direct light and solve are told apart by what a sweep costs about.
+    costs_.perEntry = 3e-10;
+    const double solve = costs_.perEntry * filled(n, trial.spec) * static_cast<double>(t.lighting.solution.sweeps + 2);
+    sweeps_ = static_cast<double>(t.lighting.solution.sweeps + 2);
+    costs_.perShadowRay = std::max(0.0, t.lightSeconds - solve) / (n * std::max(1.0, shadowShare_ * trial.shadowRays));
+  }
+
+  // Entries of F that a sweep reads.
+  static double filled(double n, const MethodSpec& spec) {
+    return n * (spec.kind == Kind::rays ? std::min(n, 1.0 * spec.rays) : n);
+  }
+
+  double secondsFor(double n, const Setting& s) const {
+    return n * (samplesOf(s.spec) * costs_.perSample + shadowShare_ * s.shadowRays * costs_.perShadowRay) + costs_.perEntry * filled(n, s.spec) * sweeps_;
+  }
+
+  ErrorParts errorFor(double n, const Setting& s) const {
+    ErrorParts e;
+    e.patches = patchError_ * std::pow(n / static_cast<double>(tried_), -kPatchOrder / 2);
+    e.rows = rowError_ * std::pow(samplesOf(s.spec) / samplesOf(trialSetting_.spec), -orderOf(s.spec));
+    e.light = lightError_ * std::pow(static_cast<double>(s.shadowRays) / trialSetting_.shadowRays, -kSampleOrder);
+    e.sweeps = s.residual;
+    return e;
+  }
+
+  // The cheapest of some numbers of patches, each with the samples that its error leaves room for.
+  void choose() {
+    const double target = kMargin * tolerance_;
+    double best = -1;
+    Setting bestSetting;
+    const double smallest = static_cast<double>(buildCount(1));
+    std::vector<double> counts;
+    if (fixedPatches()) {
+      counts = {static_cast<double>(tried_)};
+    } else {
+      const double floor = std::max(smallest, wantsPicture(options_) ? static_cast<double>(kPicturePatches) : 100.0);
+      const double largest = 2e6;
+      const double least = options_.patchSize > 0 ? static_cast<double>(tried_) : floor;
+      for (double n = std::max(least, floor); n <= largest; n *= 1.2) counts.push_back(n);
+      if (counts.empty()) counts.push_back(floor);
+    }
+    plan_.limitedBy.clear();
+    for (const double n : counts) {
+      Setting s = trialSetting_;
+      const double left = target * target - std::pow(errorFor(n, s).patches, 2) - s.residual * s.residual;
+      const bool last = n == counts.back();
+      if (left <= 0.05 * target * target && !last) continue;
+      setSamples(s, std::sqrt(std::max(left, 0.05 * target * target)));
+      if (storageFor(n, s) > static_cast<double>(allowedBytes(options_))) {
+        if (best < 0) plan_.limitedBy = "memory";
+        continue;
+      }
+      const double seconds = secondsFor(n, s);
+      const bool meets = errorFor(n, s).total() <= tolerance_ || fixedSamples() || fixedShadow() || last;
+      if (meets && (best < 0 || seconds < best)) {
+        best = seconds;
+        bestSetting = s;
+        patches_ = n;
+      }
+    }
+    if (best < 0) {  // nothing fits: as much as memory holds
+      patches_ = std::max(smallest, 100.0);
+      bestSetting = trialSetting_;
+      while (storageFor(patches_ * 1.2, bestSetting) < static_cast<double>(allowedBytes(options_)) && patches_ < 1e6) patches_ *= 1.2;
+      best = secondsFor(patches_, bestSetting);
+      plan_.limitedBy = "memory";
+    } else {
+      plan_.limitedBy.clear();
+    }
+    if (options_.time > 0) limitTime(bestSetting, best);
+    plan_.setting = bestSetting;
+    plan_.seconds = best;
+    plan_.predicted = errorFor(patches_, bestSetting);
+    if (plan_.limitedBy.empty() && plan_.predicted.total() > tolerance_) plan_.limitedBy = "the options given";
+    plan_.size = fixedPatches() ? PatchOptions{options_.patches, 0} : PatchOptions{0, roundedSize(sizeForPatches(facets_, static_cast<size_t>(patches_)))};
+  }
+
+  // Rows and shadow rays share what the patches leave of the error so that a sample more of either is worth the same.
+  void setSamples(Setting& s, double left) const {
+    if (wantsPicture(options_) && !fixedSamples() && s.spec.kind == Kind::rays) s.spec.rays = kPictureRays;
+    const double rows = errorFor(1, s).rows, light = errorFor(1, s).light;
+    if (!fixedSamples() && rows > 0) {
+      const double a = std::pow(rows, 2) * samplesOf(s.spec), b = std::pow(light, 2) * s.shadowRays;
+      const double share = fixedShadow() || b <= 0 ? std::max(0.1, 1 - std::pow(light / left, 2)) : std::sqrt(a) / (std::sqrt(a) + std::sqrt(b));
+      const double allowed = left * std::sqrt(std::clamp(share, 0.1, 1.0));
+      const double factor = std::pow(rows / allowed, 1 / orderOf(s.spec));
+      MethodSpec scaled = s.spec;
+      scaleSamples(scaled, factor);
+      const bool picture = wantsPicture(options_) && s.spec.kind == Kind::rays;
+      if (!picture || scaled.rays > s.spec.rays) s.spec = scaled;
+    }
+    if (!fixedShadow() && light > 0) {
+      const double now = errorFor(1, s).rows;
+      const double allowed = std::sqrt(std::max(left * left - now * now, 0.1 * left * left));
+      const double rays = s.shadowRays * std::pow(light / allowed, 1 / kSampleOrder);
+      s.shadowRays = static_cast<uint32_t>(std::clamp(std::ceil(rays / 8) * 8, 8.0, 65536.0));
+    }
+  }
+
+  double storageFor(double n, const Setting& s) const {
+    const double channels = 1;
+    const double row = s.spec.kind == Kind::rays ? std::min(4.0 * s.spec.rays, 2 * n) : 2 * n;
+    return channels * fronts_ * n * row;
+  }
+
+  // Less of everything until the time is enough.
+  void limitTime(Setting& s, double& seconds) {
+    constexpr double kShare = 0.8;  // loading, errors and files take their part
+    const double allowed = kShare * options_.time;
+    while (seconds > allowed && patches_ > 50) {
+      if (!fixedPatches()) patches_ /= 1.1;
+      if (!fixedSamples()) scaleSamples(s.spec, 1 / 1.1);
+      const double before = seconds;
+      seconds = secondsFor(patches_, s);
+      plan_.limitedBy = "time";
+      if (seconds >= before) break;
+    }
+  }
+
+  size_t buildCount(size_t count) const { return std::max(count, facets_.facets.size()); }
+
+  static double roundedSize(double size) {  // three digits are enough, and read better
+    const double unit = std::pow(10.0, std::floor(std::log10(size)) - 2);
+    return std::floor(size / unit) * unit;
+  }
+
+  void explain() {
+    const ErrorParts& e = plan_.predicted;
+    const Setting& s = plan_.setting;
+    const auto percent = [](double x) { return fmt::format("{:.2g} %", 100 * x); };
+    plan_.choices.clear();
+    const char* given = "given";
+    plan_.choices.push_back({"patches", fixedPatches() ? fmt::format("{}", options_.patches) : fmt::format("--patch-size {} (about {:.0f})", plan_.size.size, patches_),
+                             fixedPatches() ? given
+                                            : fmt::format("constant patches cost {} of H's mean, from {} at {} patches{}", percent(e.patches), percent(patchError_), tried_,
+                                                          wantsPicture(options_) && patches_ < 1.01 * kPicturePatches ? "; a picture wants 4000 or more" : "")});
+    plan_.choices.push_back({"method", methodText(s.spec),
+                             fixedSamples() ? given : fmt::format("sampling rows costs {}, from {} by {}", percent(e.rows), percent(rowError_), methodText(trialSetting_.spec))});
+    if (lightError_ > 0) {
+      plan_.choices.push_back({"shadow rays", fmt::format("{}", s.shadowRays),
+                               fixedShadow() ? given : fmt::format("direct light costs {}, from {} by {}", percent(e.light), percent(lightError_), trialSetting_.shadowRays)});
+    }
+    plan_.choices.push_back({"residual", fmt::format("{:.2g}", s.residual), options_.gave("--residual") ? given : "far below the other parts"});
+  }
+
+  const Options& options_;
+  const Scene& scene_;
+  const FacetSet& facets_;
+  double tolerance_;
+  TolerancePlan plan_;
+  Setting trialSetting_;
+  Costs costs_;
+  size_t tried_ = 0;
+  double patches_ = 0;
+  double rowError_ = 0, lightError_ = 0, patchError_ = 0, shadowShare_ = 0, fronts_ = 1, sweeps_ = 10;
+};
+
+}  // namespace
+
+double patchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting) {
+  const std::vector<uint32_t> ofCell = joinedCells(patches, facets);
+  std::vector<uint32_t> joined(patches.size());
+  for (uint32_t p = 0; p < joined.size(); ++p) joined[p] = ofCell[patches.cellsOf(p)[0]];
+  return joiningError(f, patches, lighting.direct, lighting.solution, joined).relative * std::pow(2, -kPatchOrder);
+}
+
+TolerancePlan planFor(const Options& options, const Scene& scene, const FacetSet& facets, const MethodSpec& method) {
+  return Planner(options, scene, facets, method).plan();
+}
+
+TolerancePlan refined(const TolerancePlan& plan, const Options& options, const FacetSet& facets, const ErrorParts& found) {
+  TolerancePlan next = plan;
+  const double over = found.total() / (kMargin * options.tolerance);
+  const bool rays = plan.setting.spec.kind == Kind::rays;
+  const bool rowsFixed = plan.setting.spec.kind == Kind::exact || (rays ? options.gave("--rays") : options.gave("--resolution"));
+  constexpr double kWorth = 0.3;  // parts below this share of the error are left as they are
+  if (!rowsFixed && found.rows > kWorth * found.total()) scaleSamples(next.setting.spec, std::pow(over, 1 / orderOf(plan.setting.spec)) * 1.1);
+  if (!options.gave("--shadow-rays") && found.light > kWorth * found.total())
+    next.setting.shadowRays = static_cast<uint32_t>(std::min(65536.0, std::ceil(plan.setting.shadowRays * std::pow(over, 1 / kSampleOrder) * 1.1 / 8) * 8));
+  if (!options.gave("--patches") && found.patches > kWorth * found.total()) {
+    const double smaller = std::pow(over, -1 / kPatchOrder) / 1.05;
+    next.size.size = plan.size.size > 0 ? plan.size.size * smaller : sizeForPatches(facets, plan.size.count) * smaller;
+    next.size.count = 0;
+  }
+  return next;
+}
+
+}  // namespace farol

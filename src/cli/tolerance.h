@@ -1,0 +1,39 @@
+// --tolerance: patches, samples and sweeps that are predicted to meet an error of H at the least cost, from trials of the scene
+// at hand.
+#pragma once
+
+#include "cli/trials.h"
+
+namespace farol {
+
+// The parts of the error of H, relative to its mean; their squares add.
+struct ErrorParts {
+  double patches = 0, rows = 0, light = 0, sweeps = 0;
+  double total() const { return std::sqrt(patches * patches + rows * rows + light * light + sweeps * sweeps); }
+};
+
+// One thing that was chosen.
+struct Choice {
+  std::string what, value, why;
+};
+
+struct TolerancePlan {
+  PatchOptions size;
+  Setting setting;
+  std::vector<Choice> choices;
+  ErrorParts predicted;
+  double seconds = 0;       // predicted, of form factors, light and solve
+  double choosing = 0;      // that the trials took
+  std::string limitedBy;    // why no better setting was chosen: memory, time, an option; empty: the tolerance is met
+};
+
+// `setting` holds what `options` give; what was not given is chosen. Throws Error where nothing emits light.
+TolerancePlan planFor(const Options& options, const Scene& scene, const FacetSet& facets, const MethodSpec& method);
+
+// The error of a trial or a finished run by its patches: joiningError of patches joined two by two, a step finer.
+double patchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting);
+
+// The same plan with its samples and patches raised where `found` exceeds the tolerance.
+TolerancePlan refined(const TolerancePlan& plan, const Options& options, const FacetSet& facets, const ErrorParts& found);
+
+}  // namespace farol

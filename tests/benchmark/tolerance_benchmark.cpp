@@ -1,0 +1,149 @@
+// What --tolerance reaches and what it costs, whole processes: the error of H against gathering paths on the same patches
+// (front sides), and the time beside the best fixed setting that `farol chart` found.
+// farol_tolerance [seconds of reference at most, of chart, SCENE...]; works in a folder of its own.
+#include "base/error.h"
+#include "reference/gathering.h"
+#include "test_scene.h"
+#include "whole_process.h"
+
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+
+using namespace farol;
+using namespace farol::benchmark;
+using nlohmann::json;
+using test::TemporaryFolder;
+
+namespace {
+
+// One scene and references on the patch sizes that were asked about.
+class Judge {
+ public:
+  explicit Judge(const std::string& path) : log_(true), scene_(loadScene(path, log_)), facets_(buildFacets(scene_, log_)), tracer_(facets_) {}
+
+  // Of the H of a --patches-csv file, on patches of this size.
+  HError judge(const std::string& csv, const PatchOptions& size, double tolerance, double seconds) {
+    auto& known = known_[size.size > 0 ? fmt::format("{}", size.size) : fmt::format("#{}", size.count)];
+    if (!known) known = std::make_unique<Known>(Known{buildPatches(scene_, facets_, size), {}, 0});
+    PatchSet& patches = known->patches;
+    std::vector<Rgb> h(patches.size(), Rgb(0));
+    const auto lines = test::readCsv(csv);
+    for (size_t i = 0; i < patches.frontPatchCount; ++i) {
+      for (size_t c = 0; c < 3; ++c) h[i][static_cast<int>(c)] = std::stod(lines.at(i + 1).at(18 + c));
+    }
+    HError error;
+    constexpr double kResolved = 4;
+    for (double more = 2; known->spent == 0 || ((error = of(h, *known)).noise > std::max(tolerance, error.error) / kResolved && known->spent < seconds); more *= 2) {
+      known->truth = gather(patches, more);
+      known->spent = more;
+    }
+    return of(h, *known);
+  }
+
+ private:
+  struct Known {
+    PatchSet patches;
+    GatheredIrradiance truth;
+    double spent = 0;
+  };
+  static HError of(const std::vector<Rgb>& h, const Known& known) {
+    GatheredIrradiance fronts = known.truth;
+    for (size_t i = known.patches.frontPatchCount; i < fronts.exposed.size(); ++i) fronts.exposed[i] = 0;
+    return errorOf(h, known.patches, fronts);
+  }
+  GatheredIrradiance gather(const PatchSet& patches, double seconds) const {
+    const LampPlan lamps = chooseLamps(facets_, patches, {});
+    const PathGatherer gatherer(tracer_, facets_, patches, scene_, lamps, Rgb(0), {});
+    const PatchSet* set = &patches;
+    return gatherIrradiance(gatherer, tracer_, facets_, std::span(&set, 1), seconds, 77, [](double) {})[0];
+  }
+
+  Log log_;
+  Scene scene_;
+  FacetSet facets_;
+  Tracer tracer_;
+  std::map<std::string, std::unique_ptr<Known>> known_;
+};
+
+PatchOptions sizeIn(const std::string& command) {
+  PatchOptions size{0, 0};
+  const auto after = [&](const std::string& name) { return command.substr(command.find(name) + name.size()); };
+  if (command.find("--patch-size ") != std::string::npos)
+    size.size = std::stod(after("--patch-size "));
+  else
+    size.count = std::stoull(after("--patches "));
+  return size;
+}
+
+// The options of the fastest setting on the chart that reaches an error; empty: none does.
+std::string bestFixed(const std::string& csv, double tolerance) {
+  const auto lines = test::readCsv(csv);
+  std::string best;
+  double least = 1e300;
+  for (size_t k = 1; k < lines.size(); ++k) {
+    const double seconds = std::stod(lines[k].at(lines[k].size() - 12)), error = std::stod(lines[k].at(lines[k].size() - 4));
+    if (error <= tolerance && seconds < least) {
+      least = seconds;
+      best = lines[k].back();
+    }
+  }
+  return best;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const double most = argc > 1 ? std::stod(argv[1]) : 60, chartSeconds = argc > 2 ? std::stod(argv[2]) : 90;
+  std::vector<std::string> scenes;
+  for (int k = 3; k < argc; ++k) scenes.emplace_back(argv[k]);
+  if (scenes.empty()) {
+    for (const char* s : {"cornell_box/cornell_box.gltf", "l_room/l_room.gltf", "reading_corner/reading_corner.glb", "white_furnace/white_furnace.gltf",
+                          "mirrors_and_glass/mirror_room.gltf"})
+      scenes.push_back(std::string(FAROL_SCENES "/") + s);
+  }
+  const TemporaryFolder folder;
+  const std::string csv = folder.path("p.csv"), report = folder.path("r.json");
+  fmt::print("| scene | tolerance | chosen | error of H, mean and largest of 5 seeds | met | seconds: whole process | by the best fixed setting | ratio | best fixed setting |\n|---|---|---|---|---|---|---|---|---|\n");
+  size_t runs = 0, met = 0;
+  for (const std::string& scene : scenes) {
+    const std::string name = std::filesystem::path(scene).stem();
+    if (chartSeconds > 0) medianSeconds(fmt::format("{} chart {} -o {} --time {} --quiet 2> /dev/null", FAROL_PROGRAM, scene, folder.path("chart.svg"), chartSeconds), 1);
+    Judge judge(scene);
+    for (const double tolerance : {0.05, 0.01, 0.002}) {
+      double mean = 0, largest = 0, noise = 0;
+      int good = 0;
+      std::string chosen;
+      std::vector<double> whole;
+      constexpr int kSeeds = 5;
+      for (int seed = 1; seed <= kSeeds; ++seed) {
+        const Stopwatch watch;
+        const int status = std::system(fmt::format("{} solve {} --tolerance {} --seed {} --patches-csv {} --report {} --quiet 2> /dev/null", FAROL_PROGRAM, scene,
+                                                   tolerance, seed, csv, report)
+                                           .c_str());
+        whole.push_back(watch.seconds());
+        if (status != 0 && WEXITSTATUS(status) != 3) throw Error("farol solve {} failed", scene);
+        const json r = json::parse(test::readText(report));
+        const std::string command = r["equivalent_command"];
+        chosen = fmt::format("{} patches, {}", r["counts"]["patches"].get<int>(), command.substr(command.find("--method "), command.find(" --max-depth") - command.find("--method ")));
+        const HError e = judge.judge(csv, sizeIn(command), tolerance, most);
+        mean += e.error / kSeeds;
+        largest = std::max(largest, e.error);
+        noise = std::max(noise, e.noise);
+        if (e.error <= tolerance) ++good;
+      }
+      std::sort(whole.begin(), whole.end());
+      const double median = whole[whole.size() / 2];
+      const std::string fixed = chartSeconds > 0 ? bestFixed(folder.path("chart.csv"), tolerance) : "";
+      const double best =
+          fixed.empty() ? 0 : medianSeconds(fmt::format("{} solve {} {} --patches-csv {} --report {} --quiet 2> /dev/null", FAROL_PROGRAM, scene, fixed, csv, report), kSeeds);
+      runs += kSeeds;
+      met += static_cast<size_t>(good);
+      fmt::print("| {} | {} % | {} | {:.2f} and {:.2f} % (resolved to {:.2f}) | {} of {} | {:.3f} | {} | {} | {} |\n", name, 100 * tolerance, chosen, 100 * mean,
+                 100 * largest, 100 * noise, good, kSeeds, median, best > 0 ? fmt::format("{:.3f}", best) : "not reached",
+                 best > 0 ? fmt::format("{:.1f}", median / best) : "", fixed.substr(0, fixed.find(" --solver")));
+      std::fflush(stdout);
+    }
+  }
+  fmt::print("\n{} of {} runs below their tolerance ({:.0f} %)\n", met, runs, 100.0 * static_cast<double>(met) / static_cast<double>(runs));
+}
