@@ -12,7 +12,7 @@ using Kind = MethodSpec::Kind;
 
 // Predictions aim below the tolerance: estimates scatter.
 constexpr double kMargin = 0.78;
-// Errors fall with samples to this power, with the number of patches to half of kPatchOrder.
+// Errors fall with samples to this power.
 constexpr double kSampleOrder = 0.6, kHemicubeOrder = 0.5;
 constexpr size_t kProbes = 96;
 constexpr uint32_t kMostRays = 1u << 16;
@@ -127,7 +127,7 @@ class Planner {
 
   ErrorParts errorFor(double n, const Setting& s) const {
     ErrorParts e;
-    e.patches = patchError_ * std::pow(n / static_cast<double>(tried_), -kPatchOrder / 2);
+    e.patches = patchError_.error * std::pow(n / static_cast<double>(tried_), -patchError_.order / 2);
     e.rows = rowError_ * std::pow(samplesOf(s.spec) / samplesOf(trialSetting_.spec), -orderOf(s.spec));
     e.light = lightError_ * std::pow(static_cast<double>(s.shadowRays) / trialSetting_.shadowRays, -kSampleOrder);
     e.sweeps = s.residual;
@@ -231,8 +231,7 @@ class Planner {
   size_t buildCount(size_t count) const { return std::max(count, facets_.facets.size()); }
 
   static double roundedSize(double size) {  // three digits are enough, and read better
-    const double unit = std::pow(10.0, std::floor(std::log10(size)) - 2);
-    return std::floor(size / unit) * unit;
+    return std::stod(fmt::format("{:.3g}", size));
   }
 
   void explain() {
@@ -243,7 +242,7 @@ class Planner {
     const char* given = "given";
     plan_.choices.push_back({"patches", fixedPatches() ? fmt::format("{}", options_.patches) : fmt::format("--patch-size {} (about {:.0f})", plan_.size.size, patches_),
                              fixedPatches() ? given
-                                            : fmt::format("constant patches cost {} of H's mean, from {} at {} patches{}", percent(e.patches), percent(patchError_), tried_,
+                                            : fmt::format("constant patches cost {} of H's mean, from {} at {} patches{}", percent(e.patches), percent(patchError_.error), tried_,
                                                           wantsPicture(options_) && patches_ < 1.01 * kPicturePatches ? "; a picture wants 4000 or more" : "")});
     plan_.choices.push_back({"method", methodText(s.spec),
                              fixedSamples() ? given : fmt::format("sampling rows costs {}, from {} by {}", percent(e.rows), percent(rowError_), methodText(trialSetting_.spec))});
@@ -263,16 +262,23 @@ class Planner {
   Costs costs_;
   size_t tried_ = 0;
   double patches_ = 0;
-  double rowError_ = 0, lightError_ = 0, patchError_ = 0, shadowShare_ = 0, fronts_ = 1, sweeps_ = 10;
+  PatchSizeError patchError_;
+  double rowError_ = 0, lightError_ = 0, shadowShare_ = 0, fronts_ = 1, sweeps_ = 10;
 };
 
 }  // namespace
 
-double patchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting) {
-  const std::vector<uint32_t> ofCell = joinedCells(patches, facets);
-  std::vector<uint32_t> joined(patches.size());
-  for (uint32_t p = 0; p < joined.size(); ++p) joined[p] = ofCell[patches.cellsOf(p)[0]];
-  return joiningError(f, patches, lighting.direct, lighting.solution, joined).relative * std::pow(2, -kPatchOrder);
+PatchSizeError patchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting) {
+  const auto joining = [&](uint32_t along) {
+    const std::vector<uint32_t> ofCell = joinedCells(patches, facets, along);
+    std::vector<uint32_t> joined(patches.size());
+    for (uint32_t p = 0; p < joined.size(); ++p) joined[p] = ofCell[patches.cellsOf(p)[0]];
+    return joiningError(f, patches, lighting.direct, lighting.solution, joined).relative;
+  };
+  constexpr double kLow = 1.3, kHigh = 2;  // orders found in rooms with objects; coarse patches show less than they have
+  const double twice = joining(2), fourTimes = joining(4);
+  const double order = twice > 0 ? std::clamp(std::log2(std::max(fourTimes / twice - 1, 1.0)), kLow, kHigh) : kHigh;
+  return {twice / (std::pow(2, order) - 1), order};
 }
 
 TolerancePlan planFor(const Options& options, const Scene& scene, const FacetSet& facets, const MethodSpec& method) {
@@ -289,7 +295,8 @@ TolerancePlan refined(const TolerancePlan& plan, const Options& options, const F
   if (!options.gave("--shadow-rays") && found.light > kWorth * found.total())
     next.setting.shadowRays = static_cast<uint32_t>(std::min(65536.0, std::ceil(plan.setting.shadowRays * std::pow(over, 1 / kSampleOrder) * 1.1 / 8) * 8));
   if (!options.gave("--patches") && found.patches > kWorth * found.total()) {
-    const double smaller = std::pow(over, -1 / kPatchOrder) / 1.05;
+    constexpr double kOrder = 1.5;
+    const double smaller = std::pow(over, -1 / kOrder) / 1.05;
     next.size.size = plan.size.size > 0 ? plan.size.size * smaller : sizeForPatches(facets, plan.size.count) * smaller;
     next.size.count = 0;
   }

@@ -30,8 +30,12 @@ struct TolerancePlan {
 // `setting` holds what `options` give; what was not given is chosen. Throws Error where nothing emits light.
 TolerancePlan planFor(const Options& options, const Scene& scene, const FacetSet& facets, const MethodSpec& method);
 
-// The error of a trial or a finished run by its patches: joiningError of patches joined two by two, a step finer.
-double patchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting);
+// The error of a trial or a finished run by its patches, and the power of their size that it falls with. Joining two by two and
+// four by four (joiningError) shows by how much the errors of two and four times the size are larger: e (2^p - 1), e (4^p - 1).
+struct PatchSizeError {
+  double error = 0, order = 1;
+};
+PatchSizeError patchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting);
 
 // The same plan with its samples and patches raised where `found` exceeds the tolerance.
 TolerancePlan refined(const TolerancePlan& plan, const Options& options, const FacetSet& facets, const ErrorParts& found);

@@ -16,8 +16,6 @@ SizedScene::SizedScene(const Options& options, const Scene& scene, const FacetSe
       methods_(options_, scene_, facets_, patches_, log_),
       lightings_(options_, facets_, methods_, log_) {}
 
-void SizedScene::join() { mapCells(patches_, scene_, facets_, joinedCells(patches_, facets_)); }
-
 Trial SizedScene::solve(const Setting& setting, size_t probes) {
   options_.emittersApart = setting.emittersApart;
   options_.shadowRays = setting.shadowRays;

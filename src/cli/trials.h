@@ -29,9 +29,6 @@ class SizedScene {
   // The references must outlive this.
   SizedScene(const Options& options, const Scene& scene, const FacetSet& facets, const PatchOptions& size);
 
-  // Joins two by two cells to one patch (joinedCells).
-  void join();
-
   // With errors where `probes`, a number of rows to be made again, is not 0.
   Trial solve(const Setting& setting, size_t probes = 0);
 

@@ -176,7 +176,7 @@ double sizeForPatches(const FacetSet& facets, size_t count) {
   return sizeForCount(facets, edges, targetCells(facets, count)) * facets.frame.size;
 }
 
-std::vector<uint32_t> joinedCells(const PatchSet& patches, const FacetSet& facets) {
+std::vector<uint32_t> joinedCells(const PatchSet& patches, const FacetSet& facets, uint32_t along) {
   std::vector<uint32_t> map(patches.cells.size());
   std::vector<uint32_t> numbers;  // of one facet's joined cells, on the side at hand
   uint32_t next = 0, facet = kNone;
@@ -185,15 +185,15 @@ std::vector<uint32_t> joinedCells(const PatchSet& patches, const FacetSet& facet
     const Cell& cell = patches.cells[c];
     const bool parallelogram = facets.facets[cell.facet].parallelogram;
     const CellGrid& grid = patches.grids[cell.facet];
-    const CellGrid half{(grid.nu + 1) / 2, (grid.nv + 1) / 2, 0, kNone};
+    const CellGrid joined{(grid.nu + along - 1) / along, (grid.nv + along - 1) / along, 0, kNone};
     if (cell.facet != facet || cell.back != back) {
       facet = cell.facet;
       back = cell.back;
-      numbers.assign(half.count(parallelogram), kNone);
+      numbers.assign(joined.count(parallelogram), kNone);
     }
-    // A triangle's cells have no rows of pairs where their number is odd: each goes where its centre lies.
+    // A triangle's cells make no whole rows where their number is no multiple: each goes where its centre lies.
     const Vec2 centre = cellPoint(grid, false, cell, 1.0 / 3, 1.0 / 3);
-    const uint32_t at = parallelogram ? cell.v / 2 * half.nu + cell.u / 2 : cellAt(half, false, centre.x, centre.y);
+    const uint32_t at = parallelogram ? cell.v / along * joined.nu + cell.u / along : cellAt(joined, false, centre.x, centre.y);
     if (numbers[at] == kNone) numbers[at] = next++;
     map[c] = numbers[at];
   }

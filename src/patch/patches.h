@@ -84,9 +84,8 @@ PatchSet buildPatches(const Scene& scene, const FacetSet& facets, const PatchOpt
 // one surface and side, in one plane.
 void mapCells(PatchSet& patches, const Scene& scene, const FacetSet& facets, std::vector<uint32_t> cellMap);
 
-// The cell map that joins two by two cells of every facet's side to one patch, of a set that has a patch per cell: patches of
-// about twice the size, of which every one is a union of the set's own.
-std::vector<uint32_t> joinedCells(const PatchSet& patches, const FacetSet& facets);
+// The cell map that joins `along` by `along` cells of every facet's side to one patch: patches of about so many times the size.
+std::vector<uint32_t> joinedCells(const PatchSet& patches, const FacetSet& facets, uint32_t along);
 
 // The cell size at which buildPatches makes about `count` patches [scene units].
 double sizeForPatches(const FacetSet& facets, size_t count);

@@ -16,7 +16,4 @@ struct JoiningError {
 JoiningError joiningError(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct, const Solution& solution,
                           std::span<const uint32_t> joined);
 
-// Halving patches divides the error of H by about this: order 1.6 in the patch size was found on rooms with objects.
-inline constexpr double kPatchOrder = 1.6;
-
 }  // namespace farol
