@@ -198,7 +198,7 @@ TileRays::TileRays(const FacetSet& facets, const PatchSet& patches, const Sample
       const Vec3 origin = corner(0, 0), u = corner(1, 0) - origin, v = corner(0, 1) - origin;
       total += cellArea(facets, patches.grids[cell.facet], cell.facet);
       shortest = std::min({shortest, glm::length(u), glm::length(v)});
-      member.cells.push_back({origin + kRayOffset * n, u, v, static_cast<float>(total), !facet.parallelogram});
+      member.cells.push_back({origin + facet.rayOffset * n, u, v, static_cast<float>(total), !facet.parallelogram});
     }
     for (Span& c : member.cells) c.end /= static_cast<float>(total);
     // Origins keep clear of the edges, beyond which rounding could put them.

@@ -19,7 +19,7 @@ constexpr double kFewestRays = 4;        // a source that deserves fewer shares 
 // Where light is gathered: a patch or a point.
 struct DirectIrradiance::Receiver {
   Vec3 normal{0}, centre{0};
-  double radius = 0;
+  double radius = 0, offset = kRayOffset;
   std::vector<Position> points;  // for closed forms
   uint32_t patch = kNone;        // origins are spread over it; kNone: all at the centre
   bool partlyCovered = false;
@@ -61,6 +61,7 @@ DirectIrradiance::Receiver DirectIrradiance::receiverOf(uint32_t patch, double e
   Receiver r;
   r.patch = patch;
   r.normal = p.normal;
+  r.offset = facets_.facets[patches_.cells[patches_.cellsOf(patch)[0]].facet].rayOffset;
   r.centre = facets_.frame.toUnit(p.centre);
   r.radius = std::sqrt(p.area) / facets_.frame.size;
   const TileSeat seat = seatOf(facets_, patches_, patch, options_.seed);
@@ -208,7 +209,7 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
     for (size_t c = 0; c < 4; ++c) x[c] = (static_cast<uint32_t>(fixed[c] + source.shift[c]) + 0.5) * 0x1p-32;
     const Vec3 p = originOf(x[0], x[1]);
     if (r.partlyCovered && insideObject(tracer_, facets_, std::span(&p, 1), r.normal, 0) != 0) return;
-    const Vec3 from = p + kRayOffset * r.normal;
+    const Vec3 from = p + r.offset * r.normal;
     Vec3 to;
     double k = 0;
     if (source.lamp != nullptr) {

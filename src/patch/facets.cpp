@@ -56,12 +56,14 @@ class FacetBuilder {
  private:
   void addSurface(uint32_t index) {
     const Surface& surface = scene_.surfaces[index];
-    std::vector<uint32_t> welded;
-    welded.reserve(surface.positions.size());
-    for (const Vec3& p : surface.positions) welded.push_back(welder_.add(set_.frame.toUnit(p)));
-
+    // A vertex that no triangle uses may lie anywhere.
+    constexpr uint32_t kUnused = UINT32_MAX;
+    std::vector<uint32_t> welded(surface.positions.size(), kUnused);
     std::vector<Triangle> triangles;
     for (const auto& t : surface.triangles) {
+      for (const uint32_t v : t) {
+        if (welded[v] == kUnused) welded[v] = welder_.add(set_.frame.toUnit(surface.positions[v]));
+      }
       Triangle triangle{{welded[t[0]], welded[t[1]], welded[t[2]]}, t, Vec3(0), 0};
       if (measure(triangle) && isNew(triangle)) triangles.push_back(triangle);
     }
@@ -180,15 +182,27 @@ class FacetBuilder {
   std::set<std::array<uint32_t, 3>> seen_;
 };
 
+// The distance to a plane whose normal is the cross product of two float32 edges errs by the product's rounding over its
+// length, times the way to a corner.
+double rayOffsetOf(const FacetSet& set, const Facet& f) {
+  constexpr double kRounding = 0x1p-23, kLargest = 1e-3;
+  double longest = 0;
+  for (size_t k = 0; k < f.cornerCount(); ++k)
+    longest = std::max(longest, glm::distance(set.points[f.corners[k]], set.points[f.corners[(k + 1) % f.cornerCount()]]));
+  const double doubled = (f.parallelogram ? 1 : 2) * f.area;
+  return std::clamp(kRounding * longest * longest * longest / doubled, kRayOffset, kLargest);
+}
+
 }  // namespace
 
 FacetSet buildFacets(const Scene& scene, Log& log) {
   FacetSet set = FacetBuilder(scene).run();
+  for (Facet& f : set.facets) f.rayOffset = rayOffsetOf(set, f);
   if (set.facets.empty())
     throw Error("{}: the scene is empty: all {} triangles are degenerate", scene.path, set.degenerate);
   if (set.degenerate > 0)
-    log.warn(fmt::format("{} degenerate triangles (no area, or slivers) were left out", set.degenerate));
-  if (set.duplicate > 0) log.warn(fmt::format("{} duplicate triangles were left out", set.duplicate));
+    log.warn({"degenerate-triangles", fmt::format("{} degenerate triangles (no area, or slivers) were left out", set.degenerate)});
+  if (set.duplicate > 0) log.warn({"duplicate-triangles", fmt::format("{} duplicate triangles were left out", set.duplicate)});
   return set;
 }
 

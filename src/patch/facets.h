@@ -20,6 +20,12 @@ struct Frame {
   Vec3 toScene(const Vec3& p) const { return centre + size * p; }
 };
 
+// A ray that starts on a facet starts this far in front of it [unit coordinates], so that it meets neither its own
+// facet nor another one in the same plane: a few float32 roundings of points at most 0.5 from the centre. Rasterized
+// rows leave out facets whose plane holds the eye within the same distance. Of long thin facets the plane itself is known
+// less well in float32: see Facet::rayOffset.
+inline constexpr double kRayOffset = 4e-7;
+
 struct Facet {
   uint32_t surface = 0;
   bool parallelogram = false;
@@ -31,6 +37,7 @@ struct Facet {
   std::array<uint32_t, 4> vertices{};  // the surface's own vertices, for attributes
   Vec3 normal{0};                      // unit vector on the front side
   double area = 0;                     // [unit coordinates squared]
+  double rayOffset = kRayOffset;       // rays that start on it start this far in front of it [unit coordinates]
 
   size_t cornerCount() const { return parallelogram ? 4 : 3; }
   uint32_t vCorner() const { return corners[parallelogram ? 3 : 2]; }  // the corner at (0,1)

@@ -9,6 +9,7 @@ struct PathGatherer::Lane {
   uint64_t random = 0;
   Rgb weight{1};
   uint32_t depth = 0;
+  double offset = kRayOffset;  // of rays from the point
   Vec3 point{0}, normal{0}, direction{0};
 
   double next() { return unitFromBits(mixBits(random++)); }
@@ -75,6 +76,7 @@ void PathGatherer::start(GatherPath& path, Lane& lane) const {
   lane = {};
   lane.path = &path;
   lane.random = mixBits(path.seed) << 12;
+  lane.offset = facet.rayOffset;
   lane.normal = path.back ? -facet.normal : facet.normal;
   lane.point = facets_.point(facet, path.uv.x, path.uv.y);
   lane.setDirection(path.direction[0], path.direction[1]);
@@ -84,7 +86,7 @@ void PathGatherer::start(GatherPath& path, Lane& lane) const {
 void PathGatherer::light(Lane& lane, uint32_t k, ShadowRays& toLamps, ShadowRays& toPunctual) const {
   toLamps.clear(k);
   toPunctual.clear(k);
-  const Vec3 from = lane.point + kRayOffset * lane.normal;
+  const Vec3 from = lane.point + lane.offset * lane.normal;
   if (!lampChance_.empty()) {
     const double choice = lane.next();
     const size_t which = std::min<size_t>(
@@ -166,6 +168,7 @@ void PathGatherer::meet(const HitPacket& hits, const RayPacket& rays, uint32_t k
     lane.weight /= survival;
   }
   const Facet& f = facets_.facets[next.facet];
+  lane.offset = f.rayOffset;
   lane.normal = next.back ? -f.normal : f.normal;
   lane.point = tree_.pointOn(next.facet, static_cast<double>(next.u), static_cast<double>(next.v));
   const double a = lane.next(), b = lane.next();
@@ -191,7 +194,7 @@ void PathGatherer::gather(std::span<GatherPath> paths) const {
       if (lanes[k].path != nullptr) {
         busy = k + 1;
         light(lanes[k], k, toLamps, toPunctual);
-        rays.set(k, lanes[k].point + kRayOffset * lanes[k].normal, lanes[k].direction);
+        rays.set(k, lanes[k].point + lanes[k].offset * lanes[k].normal, lanes[k].direction);
       } else {
         toLamps.clear(k);
         toPunctual.clear(k);

@@ -68,6 +68,7 @@ ExposedArea findExposedArea(const Tracer& tracer, const FacetSet& facets, const 
   result.point.resize(patches.size());
   tbb::parallel_for(uint32_t{0}, static_cast<uint32_t>(patches.size()), [&](uint32_t i) {
     const Vec3& normal = patches.patches[i].normal;
+    const double offset = facets.facets[patches.cells[patches.cellsOf(i)[0]].facet].rayOffset;
     result.point[i] = positionsOn(facets, patches, i, 1, seed)[0].point;
     std::vector<Vec3> exposed;
     bool black = false, anyBack = false;
@@ -77,7 +78,7 @@ ExposedArea findExposedArea(const Tracer& tracer, const FacetSet& facets, const 
     std::vector<bool> covered(points.size(), false);
     for (size_t first = 0; first < points.size(); first += kPacketSize) {
       const auto count = static_cast<uint32_t>(std::min<size_t>(kPacketSize, points.size() - first));
-      for (uint32_t k = 0; k < count; ++k) up.set(k, points[first + k].point + kRayOffset * normal, normal);
+      for (uint32_t k = 0; k < count; ++k) up.set(k, points[first + k].point + offset * normal, normal);
       tracer.intersect(up, count, hits);
       std::array<Vec3, kPacketSize> below;
       std::array<size_t, kPacketSize> number{};

@@ -80,11 +80,11 @@ void RayTree::spawn(const SpecularHit& hit, std::vector<Ray>& rays, PathEnds& en
     }
     mirrored += optics.transmission * reflectance;
     if (reflectance < 1) {
-      spawnRay(hit.point - kRayOffset * normal, through, hit.weight * optics.transmission * (1 - reflectance), beyond,
+      spawnRay(hit.point - facet.rayOffset * normal, through, hit.weight * optics.transmission * (1 - reflectance), beyond,
                hit.depth + 1, hit.share, rays, ends);
     }
   }
-  spawnRay(hit.point + kRayOffset * normal, hit.direction + 2 * cosine * normal, hit.weight * mirrored, here,
+  spawnRay(hit.point + facet.rayOffset * normal, hit.direction + 2 * cosine * normal, hit.weight * mirrored, here,
            hit.depth + 1, hit.share, rays, ends);
 }
 

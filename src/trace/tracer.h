@@ -28,11 +28,6 @@ struct alignas(64) HitPacket {
   float u[kPacketSize], v[kPacketSize];
 };
 
-// A ray that starts on a facet starts this far in front of it [unit coordinates], so that it meets neither its own
-// facet nor another one in the same plane: a few float32 roundings of points at most 0.5 from the centre. Rasterized
-// rows leave out facets whose plane holds the eye within the same distance.
-inline constexpr double kRayOffset = 4e-7;
-
 // Facets in an Embree scene with its robust traversal: no ray slips between facets that share an edge. All calls may
 // come from several threads at once.
 class Tracer {

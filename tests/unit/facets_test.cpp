@@ -40,6 +40,17 @@ TEST(Facets, LeaveOutDegenerateAndDuplicateTriangles) {
   EXPECT_EQ(set.degenerate, 3u);
 }
 
+// Found by fuzzing: the loader keeps vertices that no triangle uses, and they may lie anywhere.
+TEST(Facets, HearNothingOfVerticesThatNoTriangleUses) {
+  Scene scene = loadSurfaces(closedBox({1, 1, 1}));
+  scene.surfaces[0].positions.emplace_back(1e38, -1e38, 1e30);
+  scene.surfaces[1].positions.emplace_back(1e-7, 0, 0);
+  Log log(true);
+  const FacetSet set = buildFacets(scene, log);
+  EXPECT_EQ(set.points.size(), 8u);
+  EXPECT_EQ(set.welded, 0u);
+}
+
 TEST(Facets, RefuseASceneOfDegenerateTriangles) {
   EXPECT_THROW(facetsOf({{"line", {{{0, 0, 0}, {1, 0, 0}, {2, 0, 0}}}}}), Error);
 }
