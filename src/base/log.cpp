@@ -18,10 +18,11 @@ Log Log::silent() {
   return log;
 }
 
-void Log::warn(const std::string& sentence) {
-  if (std::find(warnings_.begin(), warnings_.end(), sentence) != warnings_.end()) return;
-  warnings_.push_back(sentence);
-  if (!silent_) fmt::print(stderr, "warning: {}\n", sentence);
+void Log::warn(const Warning& warning) {
+  const auto same = [&](const Warning& w) { return w.code == warning.code && w.sentence == warning.sentence; };
+  if (std::any_of(warnings_.begin(), warnings_.end(), same)) return;
+  warnings_.push_back(warning);
+  if (!silent_) fmt::print(stderr, "warning: {} [{}]\n", warning.sentence, warning.code);
 }
 
 void Log::note(const std::string& sentence) {

@@ -2,10 +2,18 @@
 #pragma once
 
 #include <chrono>
+#include <optional>
 #include <string>
 #include <vector>
 
 namespace farol {
+
+struct Warning {
+  std::string code;      // fixed: what kind of warning this is
+  std::string sentence;
+  std::vector<std::string> surfaces = {};  // concerned, as far as they are known
+  std::optional<double> effect = {};       // estimated, as the sentence says in words
+};
 
 // Writes to standard error. Quiet prints warnings and errors only.
 class Log {
@@ -13,15 +21,15 @@ class Log {
   explicit Log(bool quiet = false);
   static Log silent();  // keeps warnings, prints nothing
 
-  void warn(const std::string& sentence);  // printed once and kept
+  void warn(const Warning& warning);  // printed once and kept
   void note(const std::string& sentence);  // printed unless quiet
 
-  const std::vector<std::string>& warnings() const { return warnings_; }
+  const std::vector<Warning>& warnings() const { return warnings_; }
   bool quiet() const { return quiet_; }
 
  private:
   bool quiet_, silent_ = false;
-  std::vector<std::string> warnings_;
+  std::vector<Warning> warnings_;
 };
 
 // Progress of one stage of counted work: a bar with rate and time left on a terminal, a plain line

@@ -222,7 +222,10 @@ void writeReport(const std::string& path, const Report& r) {
   }
   j["total_seconds"] = r.clock.totalSeconds();
   j["peak_bytes"] = peak;
-  j["warnings"] = r.warnings;
+  j["warnings"] = json::array();
+  for (const Warning& w : r.warnings) {
+    j["warnings"].push_back({{"code", w.code}, {"sentence", w.sentence}, {"surfaces", w.surfaces}, {"effect", w.effect ? json(*w.effect) : json(nullptr)}});
+  }
   OutputFile file(path);
   file.stream() << j.dump(2, ' ', false, json::error_handler_t::replace) << '\n';
   file.commit();

@@ -1,6 +1,7 @@
 // The figures of one run, for the summary and for the JSON report.
 #pragma once
 
+#include "base/log.h"
 #include "base/machine.h"
 #include "cli/options.h"
 #include "cli/tolerance.h"
@@ -91,7 +92,7 @@ struct Report {
   std::optional<Solution> solution;  // figures only: without the vectors
   std::optional<EnergyBalance> energy;
   std::optional<double> displayScale;
-  std::vector<std::string> warnings;
+  std::vector<Warning> warnings;
   StageClock clock;
 };
 

@@ -14,10 +14,12 @@
 #include "output/factor_archive.h"
 #include "output/output.h"
 #include "output/sensor_files.h"
+#include "patch/overlaps.h"
 #include "view/tone.h"
 #include "view/view.h"
 
 #include <cstdlib>
+#include <map>
 #include <numeric>
 #include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
@@ -134,6 +136,7 @@ class Run {
     }
     countPatches();
     warnOfSpecular();
+    warnOfOverlaps();
     report_.clock.finish("patches");
     say("{}: {} surfaces, {} triangles, {} facets, {} patches", options_.scene, report_.surfaces, report_.triangles,
         report_.facets, patches_.frontPatchCount);
@@ -153,7 +156,28 @@ class Run {
 
   void warnOfSpecular() {
     if (patches_.anySpecular() && !scene_.lights.empty())
-      log_.warn("what mirrors and glass pass on of point, spot and directional lights is left out: they have no area that a path could meet");
+      log_.warn({"punctual-light-and-mirrors", "what mirrors and glass pass on of point, spot and directional lights is left out: they have no area that a path could meet"});
+  }
+
+  // Pairs of surfaces once each.
+  void warnOfOverlaps() {
+    constexpr size_t kMost = 1000, kNamed = 8;
+    std::map<std::pair<std::string, std::string>, double> area;
+    for (const Overlap& o : findOverlaps(facets_, kMost)) {
+      const auto nameOf = [&](uint32_t facet) { return scene_.surfaces[facets_.facets[facet].surface].name; };
+      area[{nameOf(o.first), nameOf(o.second)}] += o.area * facets_.frame.size * facets_.frame.size;
+    }
+    size_t named = 0;
+    for (const auto& [pair, both] : area) {
+      if (++named > kNamed) break;
+      log_.warn({"overlapping-faces",
+                 pair.first == pair.second
+                     ? fmt::format("faces of surface '{}' lie on each other over {:.3g} square units: which of them is seen there is arbitrary", pair.first, both)
+                     : fmt::format("surfaces '{}' and '{}' lie in one plane, face one way and overlap over {:.3g} square units: which of them is seen there is "
+                                   "arbitrary",
+                                   pair.first, pair.second, both),
+                 pair.first == pair.second ? std::vector{pair.first} : std::vector{pair.first, pair.second}, both / report_.area});
+    }
   }
 
   bool lit() const {
@@ -162,7 +186,7 @@ class Run {
 
   bool needsFormFactors() {
     if (!variants_.empty()) return true;
-    if (!lit()) log_.warn(fmt::format("{}: nothing emits light, so the result is black", options_.scene));
+    if (!lit()) log_.warn({"no-light", fmt::format("{}: nothing emits light, so the result is black", options_.scene)});
     return lit() && !options_.localIllumination;
   }
 
@@ -290,23 +314,45 @@ class Run {
     if (area > 0) report_.rowErrorMean /= area;
   }
 
+  // The surfaces that miss most, at most four.
+  std::vector<std::string> leakingSurfaces() const {
+    std::map<std::string, double> missed;
+    for (size_t i = 0; i < patches_.size(); ++i) missed[surfaceNameOf(scene_, patches_.patches[i])] += patches_.patches[i].area * f_->shares(i).missed;
+    std::vector<std::pair<double, std::string>> sorted;
+    for (const auto& [name, share] : missed) sorted.emplace_back(share, name);
+    std::sort(sorted.rbegin(), sorted.rend());
+    std::vector<std::string> names;
+    for (size_t k = 0; k < std::min<size_t>(4, sorted.size()); ++k) {
+      if (sorted[k].first > 0) names.push_back(sorted[k].second);
+    }
+    return names;
+  }
+
   void warnOfBrokenRules() {
     const FormFactorChecks& c = *report_.checks;
     if (c.correctionMin < 0.8 || c.correctionMax > 1.25) {
-      log_.warn(fmt::format("the near-field correction scaled entries by {:.3f} to {:.3f}: outside 0.8 to 1.25 one "
-                            "position does not do; use --positions or --method rays",
-                            c.correctionMin, c.correctionMax));
+      log_.warn({"near-field", fmt::format("the near-field correction scaled entries by {:.3f} to {:.3f}: outside 0.8 to 1.25 one "
+                                           "position does not do; use --positions or --method rays",
+                                           c.correctionMin, c.correctionMax),
+                 {}, std::max(c.correctionMax - 1, 1 - c.correctionMin)});
     }
     if (c.smallest < 0 || c.largest > 1 + 1e-6) {
-      log_.warn(fmt::format("form factors reach from {:.6g} to {:.6g}; 0 to 1 is possible", c.smallest, c.largest));
+      log_.warn({"impossible-factor", fmt::format("form factors reach from {:.6g} to {:.6g}; 0 to 1 is possible", c.smallest, c.largest)});
+    }
+    // Rows of a closed scene miss nothing; a little is a gap between surfaces, where light leaks.
+    constexpr double kLeast = 1e-6, kLeak = 0.01;
+    if (c.missed > kLeast && c.missed < kLeak) {
+      log_.warn({"small-leak", fmt::format("{:.2g} % of what patches see lies outside the scene: where it should be closed, there are gaps between surfaces", 100 * c.missed),
+                 leakingSurfaces(), c.missed});
     }
     if (c.worstArea <= 1) return;
     const Patch &from = patches_.patches[c.worstFrom], &to = patches_.patches[c.worstTo];
     const double f = (*f_)[c.worstFrom].at(c.worstTo), spread = 4 * model_.entryError(f);
     if (f > 0 && c.worstArea * (1 - spread / f) > 1 + 1e-6) {
-      log_.warn(fmt::format(
+      log_.warn({"too-much-sent", fmt::format(
           "patch {} on '{}' sends {:.3g} times what can reach patch {} on '{}': more than the estimated error explains",
-          c.worstFrom, surfaceNameOf(scene_, from), c.worstArea, c.worstTo, surfaceNameOf(scene_, to)));
+          c.worstFrom, surfaceNameOf(scene_, from), c.worstArea, c.worstTo, surfaceNameOf(scene_, to)),
+          {surfaceNameOf(scene_, from), surfaceNameOf(scene_, to)}, c.worstArea - 1});
     }
   }
 
@@ -370,14 +416,15 @@ class Run {
     }
     report_.tolerance = ToleranceReport{options_.tolerance, found.total() <= options_.tolerance, *plan_, found, watch.seconds()};
     if (!report_.tolerance->met) {
-      log_.warn(fmt::format("the tolerance of {:.3g} % is not met: the error of H is estimated as {:.2g} %{}", 100 * options_.tolerance, 100 * found.total(),
-                            plan_->limitedBy.empty() ? "" : "; limited by " + plan_->limitedBy));
+      log_.warn({"tolerance-not-met", fmt::format("the tolerance of {:.3g} % is not met: the error of H is estimated as {:.2g} %{}", 100 * options_.tolerance,
+                                                  100 * found.total(), plan_->limitedBy.empty() ? "" : "; limited by " + plan_->limitedBy),
+                 {}, found.total()});
     }
   }
 
   ErrorParts errorParts() {
     ErrorParts e;
-    e.patches = patchErrorOf(*f_, patches_, facets_, lighting_);
+    e.patches = patchErrorOf(*f_, patches_, facets_, lighting_).error;
     const auto by = [&](const Replicates& part) {
       const std::vector<double> kept = lighting_.error;
       lighting_.error = irradianceError(*f_, patches_, lighting_.direct, lighting_.solution, part, samplesOf(*spec_), options_.sky);
@@ -408,6 +455,7 @@ class Run {
       lighting_ = lightings_.local(scene_, patches_);
     }
     reportSolution();
+    if (f_) warnOfDrift();
     report_.clock.finish("solve");
   }
 
@@ -441,14 +489,25 @@ class Run {
     report_.estimatedError = relativeError(*f_, patches_, lighting_);
   }
 
+  // A reciprocal F keeps power; what is lost or gained tells of one that is not.
+  void warnOfDrift() {
+    constexpr double kDrift = 0.02;
+    if (report_.energy && report_.energy->relativeError > kDrift && report_.solution->converged) {
+      log_.warn({"energy-drift", fmt::format("absorbed, lost and emitted power differ by {:.2g} %: F is not reciprocal enough; use more --positions, or --method rays",
+                                             100 * report_.energy->relativeError),
+                 {}, report_.energy->relativeError});
+    }
+  }
+
   // What little is absorbed decides the solution: errors of F are multiplied.
   void warnOfSlowLight() {
     constexpr double kRoom = 0.02;
     const double bound = lighting_.solution.bound;
     if (bound > 1 - kRoom && bound < 1) {
-      log_.warn(fmt::format("reflectance times row sum reaches {:.4f}: light is reflected {:.0f} times on average there, and "
-                            "so often errors of F come back",
-                            bound, 1 / (1 - bound)));
+      log_.warn({"slow-light", fmt::format("reflectance times row sum reaches {:.4f}: light is reflected {:.0f} times on average there, and "
+                                           "so often errors of F come back",
+                                           bound, 1 / (1 - bound)),
+                 {}, 1 / (1 - bound)});
     }
   }
 
@@ -787,6 +846,7 @@ class Run {
     ChartRun run = runChart(options_, scene_, facets_, besideChart(options_.output, ".reference.csv"), log_);
     run.chart.otherSeconds = before;
     report_.clock.finish("chart");
+    if (run.interrupted != 0 && run.chart.points.empty()) throw Interrupted(run.interrupted);
     writeChart(options_.output, run.chart);
     report_.clock.finish("write");
     sayChart(run.chart);

@@ -58,7 +58,7 @@ class Loader {
     while (!error.empty() && (error.back() == '\n' || error.back() == ' ')) error.pop_back();
     while (!warning.empty() && (warning.back() == '\n' || warning.back() == ' ')) warning.pop_back();
     if (!good) fail("file", error.empty() ? "cannot be read as glTF" : error);
-    if (!warning.empty()) log_.warn(fmt::format("{}: {}", document_.path, warning));
+    if (!warning.empty()) log_.warn({"gltf-reader", fmt::format("{}: {}", document_.path, warning)});
   }
 
   std::vector<size_t> roots() const {

@@ -132,7 +132,7 @@ class MaterialReader {
       static constexpr std::array<std::string_view, 6> known = {"diffuse", "specular", "transmission",
                                                                 "ior",     "solid",    "emission"};
       if (std::find(known.begin(), known.end(), key) == known.end()) {
-        log_.warn(fmt::format("{}: {}: extras.farol.{} is not known and was ignored", document_.path, who_, key));
+        log_.warn({"unknown-property", fmt::format("{}: {}: extras.farol.{} is not known and was ignored", document_.path, who_, key)});
       }
     }
     const auto exact = [&](const char* key, double high, std::optional<Rgb>& target) {
