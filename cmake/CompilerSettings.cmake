@@ -11,12 +11,13 @@ if(FAROL_SANITIZE)
   target_compile_options(farol_settings INTERFACE
     -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer)
   target_link_options(farol_settings INTERFACE -fsanitize=address,undefined)
+  if(CMAKE_CXX_COMPILER_ID MATCHES Clang)  # tests/fuzz
+    target_compile_options(farol_settings INTERFACE -fsanitize=fuzzer-no-link)
+  endif()
 endif()
-
-if(FAROL_FUZZ)
-  target_compile_options(farol_settings INTERFACE
-    -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer)
-  target_link_options(farol_settings INTERFACE -fsanitize=address,undefined)
+if(FAROL_SANITIZE_THREADS)
+  target_compile_options(farol_settings INTERFACE -fsanitize=thread -fno-omit-frame-pointer)
+  target_link_options(farol_settings INTERFACE -fsanitize=thread)
 endif()
 
 find_program(CCACHE ccache)

@@ -48,7 +48,7 @@ inline std::vector<TestSurface> surfacesOf(const std::string& id) {
 inline void expectAccounted(const FactorRun& run, const std::string& what) {
   for (uint32_t i = 0; i < run.patches.size(); ++i) {
     const FormFactorRow row = run.f[i];
-    if (!row.made()) continue;
+    if (!row.made() || run.f.shares(i).exposed <= 0) continue;
     double ended = 0;
     row.forEach([&](size_t j, double value) { ended += value * (1 - run.patches.patches[j].specular().r); });
     const RowShares& s = run.f.shares(i);

@@ -1,0 +1,120 @@
+// Faults of the machine: memory, disk, signals, kills, two runs at once. Whatever happens, nothing half-written stands under
+// the name that was asked for.
+#include "program.h"
+#include "test_scene.h"
+
+#include <cstdlib>
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <random>
+#include <unistd.h>
+
+namespace farol::test {
+namespace {
+
+using ::testing::HasSubstr;
+
+const std::string kCornell = FAROL_SCENES "/cornell_box/cornell_box.gltf";
+
+// Runs farol in the background, kills it after a while, and waits for it.
+int killedAfter(const std::string& arguments, double seconds, const std::string& signal) {
+  const std::string command = fmt::format("{} {} > /dev/null 2>&1 & pid=$!; sleep {:.3f}; kill -{} $pid 2> /dev/null; wait $pid", FAROL_PROGRAM, arguments, seconds, signal);
+  return WEXITSTATUS(std::system(fmt::format("sh -c '{}' 2> /dev/null", command).c_str()));
+}
+
+TEST(MachineFailures, KilledRunsLeaveNothingHalfWritten) {
+  const TemporaryFolder folder;
+  const std::string f = folder.path("F.npz"), csv = folder.path("p.csv"), glb = folder.path("lit.glb");
+  const std::string factors = "factors " + kCornell + " --patches 1500 --rays 1024 -o " + f;
+  const std::string solve = "solve " + kCornell + " --patches 1500 --rays 1024 -o " + glb + " --patches-csv " + csv;
+  ASSERT_EQ(farol(solve).exitCode, 0);
+  const size_t lineCount = readCsv(csv).size();
+  std::mt19937 random(11);
+  std::uniform_real_distribution<double> moment(0, 0.35);
+  int killed = 0, finished = 0;
+  constexpr int kKills = 20;
+  for (int k = 0; k < kKills; ++k) {
+    killed += killedAfter(k % 2 == 0 ? factors : solve, moment(random), "KILL") == 137 ? 1 : 0;
+    if (std::filesystem::exists(f)) {
+      ++finished;
+      const Outcome o = farol("solve " + kCornell + " --factors " + f);
+      EXPECT_EQ(o.exitCode, 0) << "kill " << k << ": " << o.err;
+      std::filesystem::remove(f);
+    }
+    if (std::filesystem::exists(csv)) {
+      const auto lines = readCsv(csv);
+      EXPECT_EQ(lines.size(), lineCount) << "kill " << k;
+      EXPECT_EQ(lines.back().size(), lines.front().size());
+      std::filesystem::remove(csv);
+    }
+    if (std::filesystem::exists(glb)) {
+      const std::string bytes = readText(glb);
+      uint32_t length = 0;
+      std::copy_n(bytes.data() + 8, 4, reinterpret_cast<char*>(&length));
+      EXPECT_EQ(length, bytes.size()) << "kill " << k;
+      std::filesystem::remove(glb);
+    }
+  }
+  EXPECT_GT(killed, kKills / 4) << "most are over before they are killed";
+  for (const std::string& command : {factors, solve}) EXPECT_EQ(farol(command).exitCode, 0) << "the next run";
+  fmt::print("{} of {} runs were killed before their end, {} had written F\n", killed, kKills, finished);
+}
+
+TEST(MachineFailures, SignalsLeaveKeptFactorsAsTheyWere) {
+  const TemporaryFolder folder;
+  const std::string f = folder.path("F.npz"), factors = "factors " + kCornell + " --patches 500 --rays 256 -o " + f;
+  ASSERT_EQ(farol(factors).exitCode, 0);
+  const std::string before = readText(f);
+  for (const auto& [signal, code] : {std::pair("INT", 130), std::pair("TERM", 143)}) {
+    EXPECT_EQ(killedAfter("factors " + kCornell + " --patches 8000 --rays 65536 -o " + f, 0.7, signal), code);
+    EXPECT_EQ(folder.files(), std::vector<std::string>{"F.npz"});
+    EXPECT_EQ(readText(f), before);
+    EXPECT_EQ(killedAfter("chart " + kCornell + " --patches 400 --time 10 -o " + folder.path("chart.svg"), 5, signal), code);
+    for (const std::string& name : folder.files()) {
+      EXPECT_THAT(name, ::testing::Not(HasSubstr(".tmp")));
+      if (name != "F.npz") std::filesystem::remove(folder.path(name));  // what was measured is drawn
+    }
+  }
+}
+
+TEST(MachineFailures, TwoRunsIntoOneFileGiveOneOfThem) {
+  const TemporaryFolder folder;
+  const std::string f = folder.path("F.npz"), command = fmt::format("{} factors {} --patches 500 --rays 256 --quiet -o {}", FAROL_PROGRAM, kCornell, f);
+  EXPECT_EQ(std::system(fmt::format("sh -c '{} & {}; first=$?; wait $! && exit $first'", command, command).c_str()), 0);
+  EXPECT_EQ(folder.files(), std::vector<std::string>{"F.npz"});
+  EXPECT_EQ(farol("solve " + kCornell + " --factors " + f).exitCode, 0);
+}
+
+TEST(MachineFailures, TooLittleMemoryIsASentence) {
+  const TemporaryFolder folder;
+  const std::string error = folder.path("err");
+  const int status = std::system(fmt::format("sh -c 'ulimit -v 700000; {} factors {} --patches 30000 --rays 8192 -o {} --threads 1 > /dev/null 2> {}'", FAROL_PROGRAM, kCornell,
+                                             folder.path("F.npz"), error)
+                                     .c_str());
+  EXPECT_EQ(WEXITSTATUS(status), 1);
+  EXPECT_THAT(readText(error), HasSubstr("error: "));
+  EXPECT_THAT(readText(error), HasSubstr("memory"));
+  EXPECT_EQ(folder.files(), std::vector<std::string>{"err"});
+}
+
+TEST(MachineFailures, FullDiskIsASentence) {
+  if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "no /dev/full";
+  for (const char* output : {"--patches-csv", "--report"}) {
+    const Outcome o = farol("solve " + kCornell + " --patches 50 " + output + " /dev/full");
+    EXPECT_EQ(o.exitCode, 1) << output;
+    EXPECT_THAT(o.err, HasSubstr("cannot write /dev/full"));
+  }
+}
+
+TEST(MachineFailures, ReadOnlyFolderIsASentenceBeforeAnyWork) {
+  if (geteuid() == 0) GTEST_SKIP() << "root may write everywhere";
+  const TemporaryFolder folder;
+  std::filesystem::permissions(folder.path(""), std::filesystem::perms::owner_read | std::filesystem::perms::owner_exec);
+  const Outcome o = farol("factors " + kCornell + " --patches 50 -o " + folder.path("F.npz"));
+  std::filesystem::permissions(folder.path(""), std::filesystem::perms::owner_all);
+  EXPECT_EQ(o.exitCode, 1);
+  EXPECT_THAT(o.err, HasSubstr("read-only"));
+}
+
+}  // namespace
+}  // namespace farol::test
