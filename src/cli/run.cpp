@@ -297,10 +297,8 @@ class Run {
 
   // Their differences to F's rows tell the error of H.
   void replicateRows() {
-    // A tolerance is met on the whole: fewer tell that than tell the error of every patch.
-    constexpr size_t kFewest = 384, kShare = 16, kForWhole = 128;
-    const size_t fewest = options_.tolerance > 0 ? kForWhole : spec_->hemicubes() ? kFewest / 2 : kFewest;
-    replicates_ = replicatesOf(methods_, patches_, *spec_, *f_, std::max(fewest, patches_.size() / kShare));
+    constexpr size_t kFewest = 384, kShare = 16;
+    replicates_ = replicatesOf(methods_, patches_, *spec_, *f_, std::max(spec_->hemicubes() ? kFewest / 2 : kFewest, patches_.size() / kShare));
   }
 
   void reportRowErrors() {
@@ -493,7 +491,7 @@ class Run {
   void warnOfDrift() {
     constexpr double kDrift = 0.02;
     if (report_.energy && report_.energy->relativeError > kDrift && report_.solution->converged) {
-      log_.warn({"energy-drift", fmt::format("absorbed, lost and emitted power differ by {:.2g} %: F is not reciprocal enough; use more --positions, or --method rays",
+      log_.warn({"energy-drift", fmt::format("absorbed, lost and emitted power differ by {:.2g} %: F is not reciprocal enough; use more --rays or --positions",
                                              100 * report_.energy->relativeError),
                  {}, report_.energy->relativeError});
     }

@@ -59,7 +59,6 @@ class Planner {
   }
 
   TolerancePlan plan() {
-    const Stopwatch watch;
     // Coarser trials cannot see shadows; finer ones cost more than they tell.
     size_t count = tolerance_ < 0.004 ? 2500 : tolerance_ < 0.03 ? 1000 : 300;
     for (int round = 0; round < 3; ++round) {
@@ -70,7 +69,7 @@ class Planner {
       if (fixedPatches() || static_cast<double>(wanted) < kFar * static_cast<double>(tried_) || static_cast<double>(tried_) >= kMostTried) break;
       count = static_cast<size_t>(std::min(kMostTried, static_cast<double>(wanted) / 2));
     }
-    plan_.choosing = watch.seconds();
+    plan_.choosing = watch_.seconds();
     explain();
     return plan_;
   }
@@ -89,7 +88,6 @@ class Planner {
     } else if (options_.patchSize > 0) {
       size = {0, std::min(options_.patchSize, sizeForPatches(facets_, count))};
     }
-    SizedScene scene(options_, scene_, facets_, size);
     Setting trial = plan_.setting;
     constexpr double kReferenceTolerance = 0.05, kReferenceRays = 64;
     const double rays = std::clamp(kReferenceRays * kReferenceTolerance / tolerance_, 32.0, 1024.0);
@@ -99,6 +97,13 @@ class Planner {
       if (!options_.gave("--positions")) trial.spec.positions = 1;
     }
     if (!fixedShadow()) trial.shadowRays = std::max(16u, trial.spec.rays / 4);
+    if (!fixedPatches()) {  // no more than memory holds
+      constexpr double kRoom = 0.5, kLeast = 50;
+      double fits = static_cast<double>(count);
+      while (fits > kLeast && storageFor(fits, trial) > kRoom * static_cast<double>(allowedBytes(options_))) fits /= 1.5;
+      if (fits < static_cast<double>(count)) size.size = std::min(size.size > 0 ? size.size : 1e300, sizeForPatches(facets_, static_cast<size_t>(fits)));
+    }
+    SizedScene scene(options_, scene_, facets_, size);
     const Trial t = scene.solve(trial, kProbes);
     trialSetting_ = trial;
     tried_ = scene.patches().size();
@@ -136,7 +141,11 @@ class Planner {
 
   // The cheapest of some numbers of patches, each with the samples that its error leaves room for.
   void choose() {
-    const double target = kMargin * tolerance_;
+    // What is given may cost more than the tolerance: the rest need not be much better then.
+    constexpr double kAboveGiven = 1.1;
+    const ErrorParts now = errorFor(static_cast<double>(tried_), trialSetting_);
+    const double given = std::sqrt((fixedSamples() ? now.rows * now.rows : 0) + (fixedShadow() ? now.light * now.light : 0) + (fixedPatches() ? now.patches * now.patches : 0));
+    const double target = std::max(kMargin * tolerance_, kAboveGiven * given);
     double best = -1;
     Setting bestSetting;
     const double smallest = static_cast<double>(buildCount(1));
@@ -216,8 +225,8 @@ class Planner {
 
   // Less of everything until the time is enough.
   void limitTime(Setting& s, double& seconds) {
-    constexpr double kShare = 0.8;  // loading, errors and files take their part
-    const double allowed = kShare * options_.time;
+    constexpr double kShare = 0.8, kLeast = 0.2;  // loading, errors and files take their part, and the trials took theirs
+    const double allowed = std::max(kLeast * options_.time, kShare * options_.time - watch_.seconds());
     while (seconds > allowed && patches_ > 50) {
       if (!fixedPatches()) patches_ /= 1.1;
       if (!fixedSamples()) scaleSamples(s.spec, 1 / 1.1);
@@ -257,6 +266,7 @@ class Planner {
   const Scene& scene_;
   const FacetSet& facets_;
   double tolerance_;
+  Stopwatch watch_;
   TolerancePlan plan_;
   Setting trialSetting_;
   Costs costs_;

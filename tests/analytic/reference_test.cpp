@@ -1,0 +1,152 @@
+// The gathering reference against closed forms, and what it says of the error of a solution.
+#include "reference/gathering.h"
+
+#include "formfactor/near_field.h"
+#include "formfactor/rays.h"
+#include "light/direct.h"
+#include "solve/patch_error.h"
+#include "specular_cases.h"
+
+#include <numeric>
+
+namespace farol::test {
+namespace {
+
+struct Gathered {
+  explicit Gathered(const std::vector<TestSurface>& surfaces, const Rgb& sky = Rgb(0), size_t count = 60, double seconds = 0.5)
+      : scene(loadSurfaces(surfaces)), facets(buildFacets(scene, log)), patches(buildPatches(scene, facets, {count, 0})), tracer(facets), lamps(chooseLamps(facets, patches, {})) {
+    const PathGatherer gatherer(tracer, facets, patches, scene, lamps, sky, {});
+    const PatchSet* set = &patches;
+    truth = gatherIrradiance(gatherer, tracer, facets, std::span(&set, 1), seconds, 5, [](double) {})[0];
+  }
+  // Mean over a surface, and its standard error.
+  std::pair<double, double> of(const std::string& surface) const {
+    double sum = 0, variance = 0, area = 0;
+    for (size_t i = 0; i < patches.size(); ++i) {
+      const Patch& p = patches.patches[i];
+      if (surfaceNameOf(scene, p) != surface) continue;
+      const double a = p.area * truth.exposed[i], d = truth.half[0][i].r - truth.half[1][i].r;
+      sum += 0.5 * a * (truth.half[0][i].r + truth.half[1][i].r);
+      variance += 0.25 * a * a * d * d;
+      area += a;
+    }
+    return {sum / area, std::sqrt(variance) / area};
+  }
+  void expect(const std::string& surface, double exact) const {
+    const auto [mean, error] = of(surface);
+    EXPECT_LT(error, 0.02 * exact) << surface << ": the test would see nothing";
+    EXPECT_NEAR(mean, exact, 4 * error + 1e-9) << surface;
+  }
+  Log log{true};
+  Scene scene;
+  FacetSet facets;
+  PatchSet patches;
+  Tracer tracer;
+  LampPlan lamps;
+  GatheredIrradiance truth;
+};
+
+TEST(GatheringReference, FurnaceIsEmissionOverAbsorption) {
+  const Gathered furnace(closedBox({1, 2, 3}, Rgb(0.8), Rgb(1)));
+  for (const char* face : {"x0", "y1", "z1"}) furnace.expect(face, 1 / (1 - 0.8));
+}
+
+TEST(GatheringReference, SkyIsWhatIsMissed) {
+  const Gathered plate({{"plate", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}}}, Rgb(3));
+  plate.expect("plate", 3);
+}
+
+// Two plates, one reflection each way and so on: B1 = E / (1 - rho1 rho2 F^2) between uniform plates; here rho1 = 0, so that
+// nothing but F E arrives.
+TEST(GatheringReference, DirectLightIsTheFormFactor) {
+  constexpr double kF = 0.19982489569838738;  // facing unit squares at distance 1
+  const std::vector<TestSurface> plates = {{"1", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}, Rgb(0)}, {"2", {{{0, 0, 1}, {0, 1, 1}, {1, 1, 1}, {1, 0, 1}}}, Rgb(0), Rgb(5)}};
+  Gathered(plates).expect("1", 5 * kF);
+  // The same as a lamp apart: a small part of a larger scene.
+  std::vector<TestSurface> apart = plates;
+  apart.push_back({"ground", {{{20, 20, 0}, {40, 20, 0}, {40, 40, 0}, {20, 40, 0}}}, Rgb(0)});
+  const Gathered withLamp(apart, Rgb(0), 600);
+  EXPECT_EQ(withLamp.lamps.lamps.size(), 1u);
+  withLamp.expect("1", 5 * kF);
+}
+
+TEST(GatheringReference, ComesThroughMirrorsAndGlass) {
+  auto mirror = surfacesOf("C1a");
+  for (TestSurface& s : mirror) s.emission = Rgb(s.name == "2" ? 7.0 : 0.0);
+  Gathered(mirror).expect("1", 7 * expected("C1a", "F12 extended (through the mirror)"));
+  constexpr double h = 1000;
+  const double pane = expected("C6a", "slab transmittance if the two polarisations are averaged at every face (usual in graphics)");
+  const Gathered glass({{"1", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}, Rgb(0)},
+                        {"2", {{{-h, -h, 2}, {-h, h, 2}, {h, h, 2}, {h, -h, 2}}}, Rgb(0), Rgb(1)},
+                        {"pane", {{{-h, -h, 1}, {h, -h, 1}, {h, h, 1}, {-h, h, 1}}}, Rgb(0), Rgb(0), true, Rgb(0), Rgb(1)}},
+                       Rgb(0), 8, 1);
+  const auto [mean, error] = glass.of("1");
+  EXPECT_NEAR(mean, pane, 4 * error + 0.002);
+}
+
+// H* itself has no error; H* with a known error has that one; and what is below the noise is called so.
+TEST(GatheringReference, FindsAKnownErrorThroughItsNoise) {
+  const Gathered furnace(closedBox({1, 1, 1}, Rgb(0.5), Rgb(1)), Rgb(0), 600, 0.3);
+  std::vector<Rgb> exact(furnace.patches.size(), Rgb(2)), wrong = exact;
+  const HError none = errorOf(exact, furnace.patches, furnace.truth);
+  EXPECT_LT(none.error, 1.5 * none.noise);
+  EXPECT_LT(none.noise, none.standardError) << "two halves tell more than one mean";
+  for (size_t i = 0; i < wrong.size(); ++i) wrong[i] *= i % 2 == 0 ? 1.1 : 0.9;
+  EXPECT_NEAR(errorOf(wrong, furnace.patches, furnace.truth).error, 0.1, 0.01);
+}
+
+// Joining patches by a formula, and by solving the joined system with the same F.
+TEST(PatchError, IsWhatJoiningDoes) {
+  auto surfaces = closedBox({1, 2, 1.5}, Rgb(0.7, 0.5, 0.3));
+  surfaces[5].emission = Rgb(1, 2, 0.5);
+  surfaces.push_back({"screen", {{{0.2, 0.9, 0}, {0.8, 0.9, 0}, {0.8, 0.9, 0.9}, {0.2, 0.9, 0.9}}}, Rgb(0.4), Rgb(0), true});
+  RayOptions options;
+  options.rays = 1024;
+  RayRun run(loadSurfaces(surfaces), {600, 0}, options);
+  run.makeAll();
+  SolveOptions o;
+  o.residual = 1e-10;
+  const Solution fine = solveRadiosity(run.f, run.patches, {}, run.scene, o, Log(true));
+  const std::vector<uint32_t> ofCell = joinedCells(run.patches, run.facets, 2);
+  std::vector<uint32_t> joined(run.patches.size());
+  for (uint32_t p = 0; p < joined.size(); ++p) joined[p] = ofCell[run.patches.cellsOf(p)[0]];
+  const JoiningError predicted = joiningError(run.f, run.patches, {}, fine, joined);
+
+  const uint32_t count = 1 + *std::max_element(joined.begin(), joined.end());
+  EXPECT_LT(count, run.patches.size() / 3);
+  PatchSet coarse = buildPatches(run.scene, run.facets, {600, 0});
+  mapCells(coarse, run.scene, run.facets, ofCell);
+  ASSERT_EQ(coarse.size(), count);
+  FormFactorMatrix f(count);
+  std::vector<std::vector<double>> rows(count, std::vector<double>(count));
+  std::vector<double> missed(count);
+  for (size_t i = 0; i < joined.size(); ++i) {
+    const double share = run.patches.patches[i].area / coarse.patches[joined[i]].area;
+    run.f[i].forEach([&](size_t j, double value) { rows[joined[i]][joined[j]] += share * value; });
+    missed[joined[i]] += share * run.f.shares(i).missed;
+  }
+  for (uint32_t k = 0; k < count; ++k) {
+    std::copy(rows[k].begin(), rows[k].end(), f.row(k).begin());
+    RowShares shares;
+    shares.missed = missed[k];
+    f.finish(k, shares);
+  }
+  const Solution solved = solveRadiosity(f, coarse, {}, run.scene, o, Log(true));
+  std::vector<Rgb> mean(count, Rgb(0));
+  for (size_t i = 0; i < joined.size(); ++i) mean[joined[i]] += run.patches.patches[i].area / coarse.patches[joined[i]].area * fine.irradiance[i];
+  Rgb squares(0), total(0);
+  double area = 0;
+  for (size_t k = 0; k < count; ++k) {
+    const Rgb d = solved.irradiance[k] - mean[k];
+    squares += coarse.patches[k].area * d * d;
+    total += coarse.patches[k].area * mean[k];
+    area += coarse.patches[k].area;
+  }
+  double found = 0;
+  for (int c = 0; c < 3; ++c) found = std::max(found, std::sqrt(squares[c] / area) / (total[c] / area));
+  EXPECT_GT(found, 1e-3);
+  EXPECT_NEAR(predicted.relative / found, 1, 0.05);
+}
+
+}  // namespace
+}  // namespace farol::test

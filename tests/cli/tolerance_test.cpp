@@ -1,0 +1,150 @@
+// farol chart and --tolerance, as a user sees them.
+#include "program.h"
+#include "test_scene.h"
+
+#include <cmath>
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+
+namespace farol::test {
+namespace {
+
+using nlohmann::json;
+using ::testing::HasSubstr;
+
+const std::string kCornell = FAROL_SCENES "/cornell_box/cornell_box.gltf";
+
+class Tolerance : public ::testing::Test {
+ protected:
+  std::string path(const std::string& name) const { return folder_.path(name); }
+  json report() const { return json::parse(readText(path("r.json"))); }
+  Outcome solve(const std::string& scene, const std::string& options) const {
+    return farol("solve " + scene + " --patches-csv " + path("p.csv") + " --report " + path("r.json") + " " + options);
+  }
+  TemporaryFolder folder_;
+};
+
+TEST_F(Tolerance, ChartHasItsDataBesideIt) {
+  const std::string command = "chart " + kCornell + " --patches 200 --time 5 -o " + path("chart.svg");
+  const Outcome o = farol(command);
+  ASSERT_EQ(o.exitCode, 0) << o.err;
+  EXPECT_EQ(folder_.files(), (std::vector<std::string>{"chart.csv", "chart.json", "chart.reference.csv", "chart.svg"}));
+  EXPECT_THAT(readText(path("chart.svg")), HasSubstr("<svg"));
+  EXPECT_THAT(o.out, HasSubstr("that nothing beats"));
+  const json j = json::parse(readText(path("chart.json")));
+  EXPECT_GT(j["points"].size(), 10u);
+  std::set<std::string> series;
+  size_t front = 0;
+  for (const json& p : j["points"]) {
+    series.insert(p["series"]);
+    front += p["front"].get<bool>() ? 1 : 0;
+    EXPECT_GT(p["seconds"].get<double>(), 0);
+    EXPECT_GT(p["row_error"].get<double>(), 0);
+  }
+  EXPECT_GT(series.size(), 3u);
+  EXPECT_GT(front, 2u);
+  EXPECT_EQ(readCsv(path("chart.csv")).size(), j["points"].size() + 1);
+  // Errors of rows fall as the laws say, about.
+  for (const json& law : j["laws"]) {
+    if (law["series"] == "rays") {
+      EXPECT_NEAR(law["exponent"].get<double>(), 0.6, 0.2);
+    }
+  }
+  // The reference is taken again; another scene would not take it.
+  const std::string reference = readText(path("chart.reference.csv"));
+  ASSERT_EQ(farol(command).exitCode, 0);
+  EXPECT_EQ(readText(path("chart.reference.csv")), reference);
+  EXPECT_EQ(json::parse(readText(path("chart.json")))["reference"]["seconds"], 0);
+  for (const char* name : {"page.html", "chart.png"})
+    EXPECT_EQ(farol("chart " + kCornell + " --patches 64 --time 3 -o " + path(name)).exitCode, 0) << name;
+  EXPECT_THAT(readText(path("page.html")), HasSubstr("<table>"));
+}
+
+TEST_F(Tolerance, ChartWithoutGnuplotKeepsTheData) {
+  const Outcome o = farol("chart " + kCornell + " --patches 64 --time 3 -o " + path("chart.svg"), "PATH=/nonexistent");
+  EXPECT_EQ(o.exitCode, 1);
+  EXPECT_THAT(o.err, HasSubstr("gnuplot"));
+  EXPECT_EQ(folder_.files(), (std::vector<std::string>{"chart.csv", "chart.json", "chart.reference.csv"}));
+}
+
+// A room in which nothing blocks: closed forms on the same patches tell the error by sampling; that of the patches is small in
+// a room without objects.
+TEST_F(Tolerance, IsMetOnAKnownRoom) {
+  auto room = closedBox({4, 4, 2.7}, Rgb(0.7, 0.6, 0.5));
+  room[5].polygons[0] = {{0, 0, 2.7}, {0, 4, 2.7}, {4, 4, 2.7}, {4, 0, 2.7}};
+  room.push_back({"lamp", {{{1.8, 1.8, 2.6}, {1.8, 2.2, 2.6}, {2.2, 2.2, 2.6}, {2.2, 1.8, 2.6}}}, Rgb(0), Rgb(100)});
+  writeText(path("s.gltf"), gltfOf(room).dump());
+  for (const double tolerance : {0.05, 0.01}) {
+    for (int seed = 1; seed <= 3; ++seed) {
+      const Outcome o = solve(path("s.gltf"), fmt::format("--tolerance {} --seed {}", tolerance, seed));
+      ASSERT_EQ(o.exitCode, 0) << o.err;
+      const json r = report();
+      EXPECT_TRUE(r["tolerance"]["met"]);
+      EXPECT_LE(r["estimated_error"].get<double>(), tolerance);
+      const auto found = readCsv(path("p.csv"));
+      // Many more rays on the same patches.
+      const std::string command = r["equivalent_command"];
+      const std::string size = command.substr(command.find("--patch-size"), command.find(" --method") - command.find("--patch-size"));
+      ASSERT_EQ(solve(path("s.gltf"), size + " --rays 16384 --shadow-rays 4096 --seed 99").exitCode, 0);
+      const auto better = readCsv(path("p.csv"));
+      ASSERT_EQ(better.size(), found.size());
+      double squares = 0, sum = 0, area = 0;
+      for (size_t k = 1; k < found.size(); ++k) {
+        const double a = std::stod(found[k].at(21)), h = std::stod(better[k].at(18));
+        squares += a * std::pow(std::stod(found[k].at(18)) - h, 2);
+        sum += a * h;
+        area += a;
+      }
+      EXPECT_LT(std::sqrt(squares / area) / (sum / area), tolerance) << "seed " << seed;
+    }
+  }
+}
+
+TEST_F(Tolerance, IsTheDefaultAndItsCommandRepeatsTheBytes) {
+  const Outcome o = solve(kCornell, "");
+  ASSERT_EQ(o.exitCode, 0) << o.err;
+  EXPECT_THAT(o.out, HasSubstr("tolerance 1 %"));
+  const json r = report();
+  EXPECT_EQ(r["tolerance"]["asked"], 0.01);
+  EXPECT_GE(r["tolerance"]["choices"].size(), 3u);
+  const std::string csv = readText(path("p.csv"));
+  const Outcome again = farol(r["equivalent_command"].get<std::string>().substr(6));
+  ASSERT_EQ(again.exitCode, 0) << again.err;
+  EXPECT_EQ(readText(path("p.csv")), csv);
+  // What decides accuracy being given, nothing is chosen.
+  ASSERT_EQ(solve(kCornell, "--patches 100").exitCode, 0);
+  EXPECT_FALSE(report().contains("tolerance"));
+}
+
+TEST_F(Tolerance, KeepsWhatIsGiven) {
+  ASSERT_EQ(solve(kCornell, "--tolerance 0.05 --patches 300").exitCode, 0);
+  EXPECT_EQ(report()["options"]["patches"], 300);
+  ASSERT_EQ(solve(kCornell, "--tolerance 0.1 --patch-size 30").exitCode, 0);
+  const std::string command = report()["equivalent_command"];
+  EXPECT_LE(std::stod(command.substr(command.find("--patch-size ") + 13)), 30);
+}
+
+TEST_F(Tolerance, ThatCannotBeMetIsExitCodeThreeWithResults) {
+  for (const char* limits : {"--tolerance 0.001 --rays 32", "--tolerance 0.0005 --memory 2M", "--tolerance 0.0002 --time 0.2"}) {
+    const Outcome o = solve(kCornell, limits);
+    EXPECT_EQ(o.exitCode, 3) << limits << o.err;
+    EXPECT_THAT(o.err, HasSubstr("[tolerance-not-met]"));
+    EXPECT_TRUE(std::filesystem::exists(path("p.csv"))) << limits;
+    EXPECT_FALSE(report()["tolerance"]["met"]);
+    std::filesystem::remove(path("p.csv"));
+  }
+}
+
+TEST_F(Tolerance, OfFactorsNeedsLight) {
+  EXPECT_EQ(farol("factors " + kCornell + " --tolerance 0.05 -o " + path("f.csv")).exitCode, 0);
+  auto dark = closedBox({1, 1, 1});
+  writeText(path("dark.gltf"), gltfOf(dark).dump());
+  const Outcome o = farol("factors " + path("dark.gltf") + " --tolerance 0.05 -o " + path("g.csv"));
+  EXPECT_EQ(o.exitCode, 1);
+  EXPECT_THAT(o.err, HasSubstr("nothing emits light"));
+  EXPECT_EQ(farol("solve " + kCornell + " --tolerance 0.05 --factors x.npz").exitCode, 2);
+  EXPECT_EQ(farol("solve " + kCornell + " --tolerance 2").exitCode, 2);
+}
+
+}  // namespace
+}  // namespace farol::test
