@@ -78,9 +78,9 @@ class LampLight : public RowStore {
 // nothing counted twice.
 void LightingMaker::addThroughMirrors(const PatchSet& patches, const MethodSpec& spec, uint64_t seed,
                                       std::span<const uint32_t> rows, DirectLight& direct) const {
-  constexpr uint32_t kFewest = 1024;
+  constexpr uint32_t kPerShadowRay = 16;  // few of them meet a lamp
   RayOptions o;
-  o.rays = std::max(kFewest, spec.kind == MethodSpec::Kind::rays ? spec.rays : kFewest);
+  o.rays = std::max(kPerShadowRay * options_.shadowRays, spec.kind == MethodSpec::Kind::rays ? spec.rays : 0);
   o.seed = mixBits(seed + 2);
   o.limits = methods_.limits();
   o.continuedOnly = true;

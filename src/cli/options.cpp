@@ -315,6 +315,9 @@ Options parseOptions(int argc, char** argv, bool& handled) {
   addMachine(chart, o);
   chart->add_option("-o,--output", o.output, "Chart: .svg, .png or .html; .csv, .json and .reference.csv lie beside it")->required()->group("Results");
   chart->add_option("--time", o.time, "Seconds that all may take together; default: 60")->check(inRange<double>(1, 1e6))->group("Machine");
+  for (CLI::App* sub : {render, solve, factors}) {
+    sub->add_flag("--repair", o.repair, "Balance rows of F: A_i F_ij = A_j F_ji, every row's sum kept; the change is told")->group("Form factors");
+  }
   for (CLI::App* sub : {render, solve}) {
     CLI::Option* kept = sub->add_option("--factors", o.factors, "F kept by `farol factors -o F.npz`, with its patches")
                             ->group("Form factors");
@@ -427,6 +430,7 @@ std::string explicitCommand(const Options& o, const MethodSpec& method) {
     add("--max-images", o.maxImages);
   }
   add("--seed", o.seed);
+  if (o.repair) text += " --repair";
   if (o.command == Command::factors) add("--by", o.by);
   if (maxChannel(o.sky) > 0) add("--sky", fmt::format("{},{},{}", o.sky.r, o.sky.g, o.sky.b));
   if (o.command != Command::factors) {

@@ -49,6 +49,7 @@ struct Options {
   double minWeight = 1e-4;   // of a path; what carries less is cut
   uint32_t maxImages = 256;  // raster: mirrored images per hemicube
   uint64_t seed = 1;
+  bool repair = false;  // rows balanced to reciprocity and their own sums
   std::string factors;  // F kept in a file, instead of making it
   std::string by;  // factors: "surface" or "patch"; empty: from the file's ending
 

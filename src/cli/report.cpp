@@ -143,6 +143,10 @@ void writeReport(const std::string& path, const Report& r) {
                     {"row_l1_error_by_16_bit", r.packingError},
                     {"why", r.storageWhy}};
   }
+  if (r.repair) {
+    j["repair"] = {{"mean_l1_change", r.repair->meanChange}, {"largest_l1_change", r.repair->largestChange}, {"asymmetry_before", r.repair->asymmetry},
+                   {"closure", r.repair->closure}, {"sweeps", r.repair->sweeps}};
+  }
   if (r.checks) {
     const FormFactorChecks& c = *r.checks;
     j["row_sums"] = {{"min", c.rowSumMin}, {"mean", c.rowSumMean}, {"max", c.rowSumMax}};

@@ -6,6 +6,7 @@
 #include "cli/options.h"
 #include "cli/tolerance.h"
 #include "formfactor/comparison.h"
+#include "formfactor/repair.h"
 #include "gpu/gpu.h"
 
 #include <optional>
@@ -79,6 +80,7 @@ struct Report {
   size_t devices = 1;        // software devices that shared the rows
   uint32_t batch = 0;        // hemicubes per submission
   uint64_t deviceBytes = 0;  // device memory for batches
+  std::optional<Repair> repair;
   std::optional<FormFactorChecks> checks;
   ErrorModel errorModel;
   double rowErrorMean = 0, rowErrorMax = 0;  // estimated L1 errors of rows

@@ -11,6 +11,7 @@
 #include "cli/variants.h"
 #include "formfactor/error_model.h"
 #include "formfactor/near_field.h"
+#include "formfactor/repair.h"
 #include "output/factor_archive.h"
 #include "output/output.h"
 #include "output/sensor_files.h"
@@ -222,6 +223,7 @@ class Run {
     model_ = fitErrorModel(*f_, patches_, makeProbes(*spec_, *f_, options_.tolerance > 0 ? kProbes / 3 : kProbes), samplesOf(*spec_));
     replicateRows();
     if (spec_->kind == MethodSpec::Kind::exact) model_ = {};
+    if (options_.repair) repair();
     report_.errorModel = model_;
     report_.checks = checkFormFactors(*f_, patches_);
     sayModel(report_.checks->specular);
@@ -244,6 +246,15 @@ class Run {
       say("storage: {} of {} rows in 16 bits ({}), L1 error of a row at most {:.2g} by it", f_->packedRows(), f_->size(),
           storage.why, f_->packingError());
     }
+  }
+
+  // What is known of errors stays that of the rows as they were made.
+  void repair() {
+    report_.repair = repairRows(*f_, patches_);
+    reportStorage();
+    const Repair& r = *report_.repair;
+    say("repair: {} sweeps; entries and their mirror images differed by {:.2g} % in all, rows changed by {:.2g} (mean L1), {:.2g} at most; sums within {:.1g}", r.sweeps,
+        100 * r.asymmetry, r.meanChange, r.largestChange, r.closure);
   }
 
   void reportStorage() {

@@ -129,6 +129,14 @@ void FormFactorMatrix::entries(uint32_t patch, std::span<const uint32_t> ids, st
   row.values.assign(values.begin(), values.end());
 }
 
+void FormFactorMatrix::replace(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values) {
+  Row& row = rows_[patch];
+  const auto sizeOf = [](const auto& v) { return std::span(v).size_bytes(); };
+  std::atomic_ref(bytes_) -= sizeOf(row.dense) + sizeOf(row.steps) + sizeOf(row.ids) + sizeOf(row.values);
+  row = {};
+  entries(patch, ids, values);
+}
+
 double FormFactorMatrix::rowSum(size_t patch) const {
   const Row& r = rows_[patch];
   if (!r.values.empty() || !r.steps.empty()) {

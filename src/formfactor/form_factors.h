@@ -90,6 +90,8 @@ class FormFactorMatrix : public RowStore {
 
   // A row from its entries, ids ascending.
   void entries(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values);
+  // The same for a row that was made: its shares stay. Not packed.
+  void replace(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values);
 
   size_t size() const { return rows_.size(); }
   FormFactorRow operator[](size_t patch) const {

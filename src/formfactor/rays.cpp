@@ -1,5 +1,6 @@
 #include "formfactor/rays.h"
 
+#include "base/clones.h"
 #include "base/sobol.h"
 #include "trace/cover.h"
 
@@ -136,7 +137,7 @@ namespace {
 
 // Sixteen directions from the local frame.
 #if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__)
-__attribute__((target_clones("default", "avx2")))
+FAROL_CLONES
 #endif
 void turnDirections(const std::array<glm::vec3, 3>& frame, const float* x, const float* y, const float* z,
                     RayPacket& rays) {
@@ -150,7 +151,7 @@ void turnDirections(const std::array<glm::vec3, 3>& frame, const float* x, const
 
 // Sixteen origins spread over parallelograms with sides u and v, from their corners.
 #if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__)
-__attribute__((target_clones("default", "avx2")))
+FAROL_CLONES
 #endif
 void spreadOrigins(const glm::vec3& u, const glm::vec3& v, float margin, glm::vec2 shift, const float* s, const float* t,
                    RayPacket& rays) {

@@ -1,5 +1,7 @@
 #include "solve/gather.h"
 
+#include "base/clones.h"
+
 #include <cstring>
 #if defined(__x86_64__)
 #include <immintrin.h>
@@ -124,7 +126,7 @@ void gatherRows(std::span<const uint16_t* const> rows, const double* b, size_t n
 }
 
 #if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__)
-__attribute__((target_clones("default", "avx2")))
+FAROL_CLONES
 #endif
 void gatherHits(std::span<const uint32_t> ids, double weight, const double* packed, double* sums) {
   constexpr size_t kSide = 4;  // hits side by side, to hide the additions' latency

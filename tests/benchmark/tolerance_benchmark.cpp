@@ -1,6 +1,6 @@
 // What --tolerance reaches and what it costs, whole processes: the error of H against gathering paths on the same patches
 // (front sides), and the time beside the best fixed setting that `farol chart` found.
-// farol_tolerance [seconds of reference at most, of chart, SCENE...]; works in a folder of its own.
+// farol_tolerance [seconds of reference at most, of chart, smallest tolerance, SCENE...]; works in a folder of its own.
 #include "base/error.h"
 #include "reference/gathering.h"
 #include "test_scene.h"
@@ -94,9 +94,9 @@ std::string bestFixed(const std::string& csv, double tolerance) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const double most = argc > 1 ? std::stod(argv[1]) : 60, chartSeconds = argc > 2 ? std::stod(argv[2]) : 90;
+  const double most = argc > 1 ? std::stod(argv[1]) : 60, chartSeconds = argc > 2 ? std::stod(argv[2]) : 90, smallest = argc > 3 ? std::stod(argv[3]) : 0.002;
   std::vector<std::string> scenes;
-  for (int k = 3; k < argc; ++k) scenes.emplace_back(argv[k]);
+  for (int k = 4; k < argc; ++k) scenes.emplace_back(argv[k]);
   if (scenes.empty()) {
     for (const char* s : {"cornell_box/cornell_box.gltf", "l_room/l_room.gltf", "reading_corner/reading_corner.glb", "white_furnace/white_furnace.gltf",
                           "mirrors_and_glass/mirror_room.gltf"})
@@ -111,6 +111,7 @@ int main(int argc, char** argv) {
     if (chartSeconds > 0) medianSeconds(fmt::format("{} chart {} -o {} --time {} --quiet 2> /dev/null", FAROL_PROGRAM, scene, folder.path("chart.svg"), chartSeconds), 1);
     Judge judge(scene);
     for (const double tolerance : {0.05, 0.01, 0.002}) {
+      if (tolerance < smallest) continue;
       double mean = 0, largest = 0, noise = 0;
       int good = 0;
       std::string chosen;

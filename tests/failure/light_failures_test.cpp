@@ -182,6 +182,54 @@ TEST(EnergyDrift, IsSmallAndTold) {
   tabulate(19, "box 1 x 2 x 3, absorbed over emitted power", fmt::format("{:.3f} (one hemicube per face)", lost), fmt::format("{:.4f}", kept), "energy-drift");
 }
 
+// Repair restores both at once: A_i F_ij = A_j F_ji and the rows' sums, and brings F nearer to the exact one.
+TEST(EnergyDrift, IsRepairedWithoutLosingClosure) {
+  const TemporaryFolder folder;
+  auto box = closedBox({1, 2, 3}, Rgb(0.9));
+  box[5].emission = Rgb(1);
+  writeText(folder.path("s.gltf"), gltfOf(box).dump());
+  const auto rows = [&](const std::string& options) {
+    const Outcome o = farol("factors " + folder.path("s.gltf") + " -o " + folder.path("f.csv") + " --report " + folder.path("r.json") + " " + options);
+    EXPECT_EQ(o.exitCode, 0) << o.err;
+    std::vector<double> f;
+    const auto lines = readCsv(folder.path("f.csv"));
+    for (size_t i = 1; i < lines.size(); ++i) {
+      for (size_t k = 2; k + 2 < lines[i].size(); ++k) f.push_back(std::stod(lines[i][k]));
+    }
+    return f;
+  };
+  const auto distance = [](const std::vector<double>& a, const std::vector<double>& b) {
+    double sum = 0;
+    for (size_t k = 0; k < a.size(); ++k) sum += std::abs(a[k] - b.at(k));
+    return sum;
+  };
+  const auto exact = rows("--method exact --patches 200");
+  for (const char* method : {"raster --patch-size 3 --resolution 512 --near-field off", "raster --patches 60 --near-field off", "rays --patches 60 --rays 64"}) {
+    const auto naive = rows(std::string("--method ") + method), repaired = rows(std::string("--repair --method ") + method);
+    EXPECT_LT(distance(repaired, exact), distance(naive, exact)) << method;
+    const auto r = nlohmann::json::parse(readText(folder.path("r.json")));
+    EXPECT_LT(r["reciprocity_error"].get<double>(), 1e-6) << method;
+    EXPECT_NEAR(r["row_sums"]["max"].get<double>(), 1, 1e-5) << method;
+    EXPECT_GE(r["entries"]["min"].get<double>(), 0);
+    EXPECT_GT(r["repair"]["mean_l1_change"].get<double>(), 0);
+    fmt::print("{}: L1 distance to exact factors {:.4f}, repaired {:.4f}\n", method, distance(naive, exact), distance(repaired, exact));
+  }
+  const auto balance = [&](const std::string& options) {
+    const Outcome o = farol("solve " + folder.path("s.gltf") + " --emitters matrix --patch-size 3 --method raster --resolution 512 --near-field off --report " + folder.path("r.json") + " " + options);
+    EXPECT_EQ(o.exitCode, 0) << o.err;
+    return nlohmann::json::parse(readText(folder.path("r.json")))["energy"]["relative_error"].get<double>();
+  };
+  EXPECT_GT(balance(""), 0.3);
+  EXPECT_LT(balance("--repair"), 1e-4);
+  auto mirror = box;
+  mirror[0].reflectance = Rgb(0);
+  mirror[0].mirror = Rgb(0.5);
+  writeText(folder.path("m.gltf"), gltfOf(mirror).dump());
+  const Outcome refused = farol("solve " + folder.path("m.gltf") + " --repair --patches 60");
+  EXPECT_EQ(refused.exitCode, 1);
+  EXPECT_THAT(refused.err, HasSubstr("--repair is for scenes without"));
+}
+
 // Failure 25. Nothing to see, nothing that emits, one patch, black surfaces, one channel.
 TEST(EmptyScenes, HaveOrderlyAnswers) {
   const std::vector<Vec3> square = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}};
