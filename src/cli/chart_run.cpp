@@ -341,4 +341,40 @@ ChartRun runChart(const Options& options, const Scene& scene, const FacetSet& fa
   return Measurement(options, scene, facets, log).run(cache);
 }
 
+std::string chartText(const Chart& chart) {
+  std::string text;
+  const auto say = [&]<typename... Args>(fmt::format_string<Args...> format, Args&&... args) {
+    text += fmt::format(format, std::forward<Args>(args)...) + "\n";
+  };
+  std::vector<ChartPoint> front;
+  for (const ChartPoint& p : chart.points) {
+    if (p.onFront) front.push_back(p);
+  }
+  std::sort(front.begin(), front.end(), [](const ChartPoint& a, const ChartPoint& b) { return a.seconds < b.seconds; });
+  say("reference: {} paths per cell, standard error of H {:.2g} % of its mean", chart.referencePaths, 100 * chart.referenceError);
+  say("{} settings measured{}; {} that nothing beats:", chart.points.size(), chart.complete ? "" : fmt::format(" in {:.3g} s, not all", chart.timeAsked),
+      front.size());
+  for (const ChartPoint& p : front) {
+    say("  {:>9.4f} s  {:>7} %  {:<26} {}", p.seconds, fmt::format("{}{:.3f}", p.error > p.noise ? "" : "<", 100 * std::max(p.error, p.noise)), p.series,
+        p.options);
+  }
+  // What the design of the program was made from: one receiver point in an empty box.
+  const auto known = [](const std::string& series) -> std::optional<std::pair<double, double>> {
+    if (series.starts_with("rays")) return std::pair(0.38, 0.6);
+    if (series.starts_with("hemicube")) return std::pair(0.31, 0.57);
+    return {};
+  };
+  for (const ErrorLaw& l : chart.laws) {
+    std::string compared;
+    if (const auto k = known(l.series)) {
+      constexpr double kSamples = 10, kNear = 1.5;
+      const double ratio = l.constant * std::pow(kSamples, -l.exponent) / (k->first * std::pow(kSamples, -k->second));
+      compared = ratio > kNear || ratio < 1 / kNear ? fmt::format(": {:.2g} times {:.2f} s^-{:.2f}, known from an empty box, at s = 10", ratio, k->first, k->second)
+                                                    : "";
+    }
+    say("rows of {}: error {:.3g} s^-{:.2f} (s samples per visible patch; {} points){}", l.series, l.constant, l.exponent, l.points, compared);
+  }
+  return text;
+}
+
 }  // namespace farol

@@ -15,4 +15,7 @@ struct ChartRun {
 };
 ChartRun runChart(const Options& options, const Scene& scene, const FacetSet& facets, const std::string& cache, const Log& log);
 
+// The settings that nothing beats and the laws, in lines; where laws depart from what is known of an empty box, that too.
+std::string chartText(const Chart& chart);
+
 }  // namespace farol

@@ -9,13 +9,13 @@
 #include "cli/report.h"
 #include "cli/tolerance.h"
 #include "cli/variants.h"
+#include "cli/warnings.h"
 #include "formfactor/error_model.h"
 #include "formfactor/near_field.h"
 #include "formfactor/repair.h"
 #include "output/factor_archive.h"
 #include "output/output.h"
 #include "output/sensor_files.h"
-#include "patch/overlaps.h"
 #include "view/tone.h"
 #include "view/view.h"
 
@@ -136,8 +136,8 @@ class Run {
                             facets_.facets.size(), patches_.frontPatchCount, options_.patches));
     }
     countPatches();
-    warnOfSpecular();
-    warnOfOverlaps();
+    warnOfMirroredPoints(scene_, patches_, log_);
+    warnOfOverlaps(scene_, facets_, report_.area, log_);
     report_.clock.finish("patches");
     say("{}: {} surfaces, {} triangles, {} facets, {} patches", options_.scene, report_.surfaces, report_.triangles,
         report_.facets, patches_.frontPatchCount);
@@ -152,32 +152,6 @@ class Run {
       report_.area += p.area;
       if (p.isSpecular()) ++report_.specularPatches;
       if (p.emits()) ++report_.emittingPatches;
-    }
-  }
-
-  void warnOfSpecular() {
-    if (patches_.anySpecular() && !scene_.lights.empty())
-      log_.warn({"punctual-light-and-mirrors", "what mirrors and glass pass on of point, spot and directional lights is left out: they have no area that a path could meet"});
-  }
-
-  // Pairs of surfaces once each.
-  void warnOfOverlaps() {
-    constexpr size_t kMost = 1000, kNamed = 8;
-    std::map<std::pair<std::string, std::string>, double> area;
-    for (const Overlap& o : findOverlaps(facets_, kMost)) {
-      const auto nameOf = [&](uint32_t facet) { return scene_.surfaces[facets_.facets[facet].surface].name; };
-      area[{nameOf(o.first), nameOf(o.second)}] += o.area * facets_.frame.size * facets_.frame.size;
-    }
-    size_t named = 0;
-    for (const auto& [pair, both] : area) {
-      if (++named > kNamed) break;
-      log_.warn({"overlapping-faces",
-                 pair.first == pair.second
-                     ? fmt::format("faces of surface '{}' lie on each other over {:.3g} square units: which of them is seen there is arbitrary", pair.first, both)
-                     : fmt::format("surfaces '{}' and '{}' lie in one plane, face one way and overlap over {:.3g} square units: which of them is seen there is "
-                                   "arbitrary",
-                                   pair.first, pair.second, both),
-                 pair.first == pair.second ? std::vector{pair.first} : std::vector{pair.first, pair.second}, both / report_.area});
     }
   }
 
@@ -228,7 +202,7 @@ class Run {
     report_.checks = checkFormFactors(*f_, patches_);
     sayModel(report_.checks->specular);
     reportRowErrors();
-    warnOfBrokenRules();
+    warnOfBrokenRules(*report_.checks, *f_, model_, patches_, scene_, log_);
     report_.clock.finish("checks");
     if (methods_.deviceOpen()) {
       report_.device = methods_.device().info();
@@ -321,48 +295,6 @@ class Run {
       area += a;
     }
     if (area > 0) report_.rowErrorMean /= area;
-  }
-
-  // The surfaces that miss most, at most four.
-  std::vector<std::string> leakingSurfaces() const {
-    std::map<std::string, double> missed;
-    for (size_t i = 0; i < patches_.size(); ++i) missed[surfaceNameOf(scene_, patches_.patches[i])] += patches_.patches[i].area * f_->shares(i).missed;
-    std::vector<std::pair<double, std::string>> sorted;
-    for (const auto& [name, share] : missed) sorted.emplace_back(share, name);
-    std::sort(sorted.rbegin(), sorted.rend());
-    std::vector<std::string> names;
-    for (size_t k = 0; k < std::min<size_t>(4, sorted.size()); ++k) {
-      if (sorted[k].first > 0) names.push_back(sorted[k].second);
-    }
-    return names;
-  }
-
-  void warnOfBrokenRules() {
-    const FormFactorChecks& c = *report_.checks;
-    if (c.correctionMin < 0.8 || c.correctionMax > 1.25) {
-      log_.warn({"near-field", fmt::format("the near-field correction scaled entries by {:.3f} to {:.3f}: outside 0.8 to 1.25 one "
-                                           "position does not do; use --positions or --method rays",
-                                           c.correctionMin, c.correctionMax),
-                 {}, std::max(c.correctionMax - 1, 1 - c.correctionMin)});
-    }
-    if (c.smallest < 0 || c.largest > 1 + 1e-6) {
-      log_.warn({"impossible-factor", fmt::format("form factors reach from {:.6g} to {:.6g}; 0 to 1 is possible", c.smallest, c.largest)});
-    }
-    // Rows of a closed scene miss nothing; a little is a gap between surfaces, where light leaks.
-    constexpr double kLeast = 1e-6, kLeak = 0.01;
-    if (c.missed > kLeast && c.missed < kLeak) {
-      log_.warn({"small-leak", fmt::format("{:.2g} % of what patches see lies outside the scene: where it should be closed, there are gaps between surfaces", 100 * c.missed),
-                 leakingSurfaces(), c.missed});
-    }
-    if (c.worstArea <= 1) return;
-    const Patch &from = patches_.patches[c.worstFrom], &to = patches_.patches[c.worstTo];
-    const double f = (*f_)[c.worstFrom].at(c.worstTo), spread = 4 * model_.entryError(f);
-    if (f > 0 && c.worstArea * (1 - spread / f) > 1 + 1e-6) {
-      log_.warn({"too-much-sent", fmt::format(
-          "patch {} on '{}' sends {:.3g} times what can reach patch {} on '{}': more than the estimated error explains",
-          c.worstFrom, surfaceNameOf(scene_, from), c.worstArea, c.worstTo, surfaceNameOf(scene_, to)),
-          {surfaceNameOf(scene_, from), surfaceNameOf(scene_, to)}, c.worstArea - 1});
-    }
   }
 
   void choosePlan() {
@@ -459,12 +391,12 @@ class Run {
       report_.emitters = lighting_.plan.emitters;
       report_.lampsWhy = lighting_.plan.why;
       report_.shadowRays = lighting_.direct.rays;
-      warnOfSlowLight();
+      warnOfSlowLight(lighting_.solution, log_);
     } else {
       lighting_ = lightings_.local(scene_, patches_);
     }
     reportSolution();
-    if (f_) warnOfDrift();
+    if (f_) warnOfDrift(*report_.energy, *report_.solution, log_);
     report_.clock.finish("solve");
   }
 
@@ -496,28 +428,6 @@ class Run {
     if (!f_) return;
     report_.energy = energyBalance(*f_, patches_, lighting_.solution, options_.sky, lighting_.fromPunctual);
     report_.estimatedError = relativeError(*f_, patches_, lighting_);
-  }
-
-  // A reciprocal F keeps power; what is lost or gained tells of one that is not.
-  void warnOfDrift() {
-    constexpr double kDrift = 0.02;
-    if (report_.energy && report_.energy->relativeError > kDrift && report_.solution->converged) {
-      log_.warn({"energy-drift", fmt::format("absorbed, lost and emitted power differ by {:.2g} %: F is not reciprocal enough; use more --rays or --positions",
-                                             100 * report_.energy->relativeError),
-                 {}, report_.energy->relativeError});
-    }
-  }
-
-  // What little is absorbed decides the solution: errors of F are multiplied.
-  void warnOfSlowLight() {
-    constexpr double kRoom = 0.02;
-    const double bound = lighting_.solution.bound;
-    if (bound > 1 - kRoom && bound < 1) {
-      log_.warn({"slow-light", fmt::format("reflectance times row sum reaches {:.4f}: light is reflected {:.0f} times on average there, and "
-                                           "so often errors of F come back",
-                                           bound, 1 / (1 - bound)),
-                 {}, 1 / (1 - bound)});
-    }
   }
 
   // The scene as the variant has it; patches keep their places.
@@ -858,41 +768,9 @@ class Run {
     if (run.interrupted != 0 && run.chart.points.empty()) throw Interrupted(run.interrupted);
     writeChart(options_.output, run.chart);
     report_.clock.finish("write");
-    sayChart(run.chart);
+    say("{}chart: {}", chartText(run.chart), options_.output);
     if (run.interrupted != 0) throw Interrupted(run.interrupted);
     return finish();
-  }
-
-  void sayChart(const Chart& chart) const {
-    std::vector<ChartPoint> front;
-    for (const ChartPoint& p : chart.points) {
-      if (p.onFront) front.push_back(p);
-    }
-    std::sort(front.begin(), front.end(), [](const ChartPoint& a, const ChartPoint& b) { return a.seconds < b.seconds; });
-    say("reference: {} paths per cell, standard error of H {:.2g} % of its mean", chart.referencePaths, 100 * chart.referenceError);
-    say("{} settings measured{}; {} that nothing beats:", chart.points.size(), chart.complete ? "" : fmt::format(" in {:.3g} s, not all", options_.time),
-        front.size());
-    for (const ChartPoint& p : front) {
-      say("  {:>9.4f} s  {:>7} %  {:<26} {}", p.seconds, fmt::format("{}{:.3f}", p.error > p.noise ? "" : "<", 100 * std::max(p.error, p.noise)), p.series,
-          p.options);
-    }
-    // What the design of the program was made from: one receiver point in an empty box.
-    const auto known = [](const std::string& series) -> std::optional<std::pair<double, double>> {
-      if (series.starts_with("rays")) return std::pair(0.38, 0.6);
-      if (series.starts_with("hemicube")) return std::pair(0.31, 0.57);
-      return {};
-    };
-    for (const ErrorLaw& l : chart.laws) {
-      std::string compared;
-      if (const auto k = known(l.series)) {
-        constexpr double kSamples = 10, kNear = 1.5;
-        const double ratio = l.constant * std::pow(kSamples, -l.exponent) / (k->first * std::pow(kSamples, -k->second));
-        compared = ratio > kNear || ratio < 1 / kNear ? fmt::format(": {:.2g} times {:.2f} s^-{:.2f}, known from an empty box, at s = 10", ratio, k->first, k->second)
-                                                      : "";
-      }
-      say("rows of {}: error {:.3g} s^-{:.2f} (s samples per visible patch; {} points){}", l.series, l.constant, l.exponent, l.points, compared);
-    }
-    say("chart: {}", options_.output);
   }
 
   // What a run would take: exact counts, memory of F, and seconds from half a second of probe rows.
