@@ -97,7 +97,7 @@ std::string panel(const Series& series, double ChartPoint::*seconds, double Char
     if (front.empty()) continue;
     plot += fmt::format("'-' with points pt {} ps 0.45 lc rgb '{}' notitle, '-' with linespoints lw 2 pt {} ps 0.9 lc rgb '{}' title '{}', ", mark, colour,
                         mark, colour, plain(name));
-    data += all + "e\n" + front + "e\n";
+    data.append(all).append("e\n").append(front).append("e\n");
   }
   return plot.substr(0, plot.size() - 2) + "\n" + data;
 }

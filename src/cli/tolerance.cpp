@@ -156,8 +156,8 @@ class Planner {
       const double floor = std::max(smallest, wantsPicture(options_) ? static_cast<double>(kPicturePatches) : 100.0);
       const double largest = 2e6;
       const double least = options_.patchSize > 0 ? static_cast<double>(tried_) : floor;
-      for (double n = std::max(least, floor); n <= largest; n *= 1.2) counts.push_back(n);
-      if (counts.empty()) counts.push_back(floor);
+      counts.push_back(std::max(least, floor));
+      while (counts.back() * 1.2 <= largest) counts.push_back(counts.back() * 1.2);
     }
     plan_.limitedBy.clear();
     for (const double n : counts) {

@@ -13,6 +13,7 @@ std::vector<std::string> leakingSurfaces(const FormFactorMatrix& f, const PatchS
   std::map<std::string, double> missed;
   for (size_t i = 0; i < patches.size(); ++i) missed[surfaceNameOf(scene, patches.patches[i])] += patches.patches[i].area * f.shares(i).missed;
   std::vector<std::pair<double, std::string>> sorted;
+  sorted.reserve(missed.size());
   for (const auto& [name, share] : missed) sorted.emplace_back(share, name);
   std::sort(sorted.rbegin(), sorted.rend());
   std::vector<std::string> names;
