@@ -252,8 +252,10 @@ class Measurement {
     std::vector<Queue> queues;
     for (const Family& f : families_) {
       for (size_t s = 0; s < scenes_.size(); ++s) {
-        // A first guess that only orders them; small scenes come first.
-        queues.push_back({&f, s, 0, 1e-8 * workOf(f.settings[0]) * static_cast<double>(scenes_[s]->patches().size()) + 1e-3});
+        // A first guess that only orders them. A software device spends its time on facets, not on pixels.
+        constexpr double kPerSample = 1e-8, kPerFacet = 1e-7, kLeast = 1e-3;
+        const double perRow = kPerSample * workOf(f.settings[0]) + (f.settings[0].spec.hemicubes() ? kPerFacet * static_cast<double>(facets_.facets.size()) : 0);
+        queues.push_back({&f, s, 0, perRow * static_cast<double>(scenes_[s]->patches().size()) + kLeast});
       }
     }
     size_t done = 0;

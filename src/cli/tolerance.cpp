@@ -104,6 +104,7 @@ class Planner {
       if (fits < static_cast<double>(count)) size.size = std::min(size.size > 0 ? size.size : 1e300, sizeForPatches(facets_, static_cast<size_t>(fits)));
     }
     SizedScene scene(options_, scene_, facets_, size);
+    channels_ = scene.patches().colouredSpecular() ? 3 : 1;
     const Trial t = scene.solve(trial, kProbes);
     trialSetting_ = trial;
     tried_ = scene.patches().size();
@@ -218,9 +219,8 @@ class Planner {
   }
 
   double storageFor(double n, const Setting& s) const {
-    const double channels = 1;
     const double row = s.spec.kind == Kind::rays ? std::min(4.0 * s.spec.rays, 2 * n) : 2 * n;
-    return channels * fronts_ * n * row;
+    return channels_ * fronts_ * n * row;
   }
 
   // Less of everything until the time is enough.
@@ -273,7 +273,7 @@ class Planner {
   size_t tried_ = 0;
   double patches_ = 0;
   PatchSizeError patchError_;
-  double rowError_ = 0, lightError_ = 0, shadowShare_ = 0, fronts_ = 1, sweeps_ = 10;
+  double rowError_ = 0, lightError_ = 0, shadowShare_ = 0, channels_ = 1, fronts_ = 1, sweeps_ = 10;
 };
 
 }  // namespace

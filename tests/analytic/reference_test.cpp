@@ -12,9 +12,15 @@
 namespace farol::test {
 namespace {
 
+Scene withLights(Scene scene, const std::vector<PunctualLight>& lights) {
+  scene.lights = lights;
+  return scene;
+}
+
 struct Gathered {
-  explicit Gathered(const std::vector<TestSurface>& surfaces, const Rgb& sky = Rgb(0), size_t count = 60, double seconds = 0.5)
-      : scene(loadSurfaces(surfaces)), facets(buildFacets(scene, log)), patches(buildPatches(scene, facets, {count, 0})), tracer(facets), lamps(chooseLamps(facets, patches, {})) {
+  explicit Gathered(const std::vector<TestSurface>& surfaces, const Rgb& sky = Rgb(0), size_t count = 60, double seconds = 0.5,
+                    const std::vector<PunctualLight>& lights = {})
+      : scene(withLights(loadSurfaces(surfaces), lights)), facets(buildFacets(scene, log)), patches(buildPatches(scene, facets, {count, 0})), tracer(facets), lamps(chooseLamps(facets, patches, {})) {
     const PathGatherer gatherer(tracer, facets, patches, scene, lamps, sky, {});
     const PatchSet* set = &patches;
     truth = gatherIrradiance(gatherer, tracer, facets, std::span(&set, 1), seconds, 5, [](double) {})[0];
@@ -68,6 +74,20 @@ TEST(GatheringReference, DirectLightIsTheFormFactor) {
   const Gathered withLamp(apart, Rgb(0), 600);
   EXPECT_EQ(withLamp.lamps.lamps.size(), 1u);
   withLamp.expect("1", 5 * kF);
+}
+
+// Lux times cosine, and candela over distance squared times cosine; one of the two is behind the plate.
+TEST(GatheringReference, PunctualLightsAreAddedUp) {
+  PunctualLight sun, lamp, behind;
+  sun.kind = PunctualLight::Kind::directional;
+  sun.direction = glm::normalize(Vec3(1, 0, -1));
+  sun.intensity = Rgb(4);
+  lamp.position = Vec3(0.5, 0.5, 100);
+  lamp.intensity = Rgb(30000);
+  behind.position = Vec3(0.5, 0.5, -100);
+  behind.intensity = Rgb(1e9);
+  const Gathered plate({{"plate", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}}}, Rgb(0), 60, 0.3, {sun, lamp, behind});
+  plate.expect("plate", 4 * std::cos(kPi / 4) + 3);
 }
 
 TEST(GatheringReference, ComesThroughMirrorsAndGlass) {

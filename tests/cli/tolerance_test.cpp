@@ -50,11 +50,13 @@ TEST_F(Tolerance, ChartHasItsDataBesideIt) {
       EXPECT_NEAR(law["exponent"].get<double>(), 0.6, 0.2);
     }
   }
-  // The reference is taken again; another scene would not take it.
+  // The reference is taken again, but not under another sky.
   const std::string reference = readText(path("chart.reference.csv"));
   ASSERT_EQ(farol(command).exitCode, 0);
   EXPECT_EQ(readText(path("chart.reference.csv")), reference);
   EXPECT_EQ(json::parse(readText(path("chart.json")))["reference"]["seconds"], 0);
+  ASSERT_EQ(farol("chart " + kCornell + " --patches 200 --time 3 --sky 1,1,1 -o " + path("chart.svg")).exitCode, 0);
+  EXPECT_NE(readText(path("chart.reference.csv")), reference);
   for (const char* name : {"page.html", "chart.png"})
     EXPECT_EQ(farol("chart " + kCornell + " --patches 64 --time 3 -o " + path(name)).exitCode, 0) << name;
   EXPECT_THAT(readText(path("page.html")), HasSubstr("<table>"));
@@ -131,6 +133,9 @@ TEST_F(Tolerance, ThatCannotBeMetIsExitCodeThreeWithResults) {
     EXPECT_THAT(o.err, HasSubstr("[tolerance-not-met]"));
     EXPECT_TRUE(std::filesystem::exists(path("p.csv"))) << limits;
     EXPECT_FALSE(report()["tolerance"]["met"]);
+    const json warning = report()["warnings"].back();
+    EXPECT_EQ(warning["code"], "tolerance-not-met");
+    EXPECT_NEAR(warning["effect"].get<double>(), report()["estimated_error"].get<double>(), 1e-9);
     std::filesystem::remove(path("p.csv"));
   }
 }

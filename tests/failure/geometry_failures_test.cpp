@@ -119,6 +119,23 @@ TEST(Slivers, AreLeftOutWithTheirNumber) {
            "degenerate-triangles");
 }
 
+// The plane of a needle is known to its normal's float32 rounding times its length: rays that start too close to a pane of that
+// shape meet it again and again.
+TEST(Slivers, DoNotMeetThemselves) {
+  const Vec3 a(4.33, 2.318, 4.771), b(2.85, 3.271, 6.448), along = b - a, across = glm::normalize(Vec3(along.y, -along.x, 0));
+  double worst = 0;
+  for (const double width : {1e-2, 1e-3, 3e-4}) {
+    const Factors f({{"ground", {rectangle(0, 0, 10, 10, 0)}}, {"needle", {{a, b, a + 0.5 * along + width * across}}, Rgb(0), Rgb(0), true, Rgb(0), Rgb(0.86)}},
+                    "--patches 10 --method rays --rays 4096");
+    for (const auto& [pair, value] : f.f) {
+      if (pair.first.starts_with("needle") && pair.second.starts_with("needle")) worst = std::max(worst, value);
+    }
+    EXPECT_NEAR(f("needle", "ground"), 0.32, 0.01) << width;
+  }
+  EXPECT_EQ(worst, 0);
+  tabulate(6, "a pane 1e-4 of the scene wide", "2.87 meetings with itself per ray (offset 4e-7)", fmt::format("{}", worst), "");
+}
+
 // Failure 7. Two faces in one plane, seen from below: no answer is right, but it must be one answer.
 TEST(CoincidentFaces, AreOneAnswerAndAWarning) {
   const Polygon a = {{-.5, -.5, 1}, {-.5, .5, 1}, {.5, .5, 1}, {.5, -.5, 1}}, b = {{-.5, -.5, 1}, {-.37, .5, 1}, {.5, .41, 1}, {.5, -.5, 1}};

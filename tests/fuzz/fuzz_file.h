@@ -1,5 +1,4 @@
-// What is fuzzed reads files: one in memory, written over and over. Warnings of every input would fill the screen: standard
-// error is closed to all but the fuzzer's own reports.
+// What is fuzzed reads files: one in memory, written over and over.
 #pragma once
 
 #include <cstdint>
