@@ -261,8 +261,10 @@ class Measurement {
     size_t done = 0;
     while (!queues.empty()) {
       const auto cheapest = std::min_element(queues.begin(), queues.end(), [](const Queue& a, const Queue& b) { return a.predicted < b.predicted; });
+      // However slow the machine, a few are measured: a chart has something to show.
       constexpr double kMargin = 1.2;
-      if (watch_.seconds() + kMargin * cheapest->predicted > options_.time) {
+      constexpr size_t kAlways = 3;
+      if (done >= kAlways && watch_.seconds() + kMargin * cheapest->predicted > options_.time) {
         chart.complete = false;
         return;
       }

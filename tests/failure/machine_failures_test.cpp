@@ -1,5 +1,6 @@
 // Faults of the machine: memory, disk, signals, kills, two runs at once. Whatever happens, nothing half-written stands under
 // the name that was asked for.
+#include "base/machine.h"
 #include "program.h"
 #include "test_scene.h"
 
@@ -27,14 +28,19 @@ TEST(MachineFailures, KilledRunsLeaveNothingHalfWritten) {
   const std::string f = folder.path("F.npz"), csv = folder.path("p.csv"), glb = folder.path("lit.glb");
   const std::string factors = "factors " + kCornell + " --patches 1500 --rays 1024 -o " + f;
   const std::string solve = "solve " + kCornell + " --patches 1500 --rays 1024 -o " + glb + " --patches-csv " + csv;
+  const Stopwatch watch;
+  ASSERT_EQ(farol(factors).exitCode, 0);
+  const double factorSeconds = watch.seconds();
   ASSERT_EQ(farol(solve).exitCode, 0);
+  const double solveSeconds = watch.seconds() - factorSeconds;
   const size_t lineCount = readCsv(csv).size();
+  std::filesystem::remove(f);
   std::mt19937 random(11);
-  std::uniform_real_distribution<double> moment(0, 0.35);
+  std::uniform_real_distribution<double> moment(0, 1.1);  // of the time that a whole run takes
   int killed = 0, finished = 0;
   constexpr int kKills = 20;
   for (int k = 0; k < kKills; ++k) {
-    killed += killedAfter(k % 2 == 0 ? factors : solve, moment(random), "KILL") == 137 ? 1 : 0;
+    killed += killedAfter(k % 2 == 0 ? factors : solve, moment(random) * (k % 2 == 0 ? factorSeconds : solveSeconds), "KILL") == 137 ? 1 : 0;
     if (std::filesystem::exists(f)) {
       ++finished;
       const Outcome o = farol("solve " + kCornell + " --factors " + f);
