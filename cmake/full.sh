@@ -12,14 +12,19 @@ cmake --build --preset asan
 ASAN_OPTIONS=detect_leaks=0 ctest --preset asan
 cmake --preset tsan
 cmake --build --preset tsan --target farol_unit_tests farol farol_random_tests
-# Embree and TBB are not built for it: what they hide is named in the file of suppressions.
-export TSAN_OPTIONS="suppressions=$(pwd)/tests/data/tsan.supp"
-build/tsan/tests/unit/farol_unit_tests
-FAROL_RANDOM_SCENES=10 build/tsan/tests/random/farol_random_tests
-build/tsan/src/farol solve scenes/cornell_box/cornell_box.gltf --patches 300 --method rays --patches-csv build/tsan/p.csv --quiet
+tbb="$(sh cmake/tsan_tbb.sh)"
+# The libraries that are not built for it are named in the file of suppressions.
+watched() { TSAN_OPTIONS="suppressions=$(pwd)/tests/data/tsan.supp" LD_LIBRARY_PATH="$tbb" "$@"; }
+watched build/tsan/tests/unit/farol_unit_tests
+FAROL_RANDOM_SCENES=10 watched build/tsan/tests/random/farol_random_tests
+cornell=scenes/cornell_box/cornell_box.gltf
+watched build/tsan/src/farol solve $cornell --patches 300 --method rays --patches-csv build/tsan/p.csv --quiet
+watched build/tsan/src/farol render $cornell --patches 1500 --method raster --solve-on gpu -o build/tsan/p.png --size 64x64 --quiet
 echo "threads: clean"
-VK_LAYER_ENABLES=VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION_EXT FAROL_VALIDATION=1 \
-  build/ci/src/farol render scenes/cornell_box/cornell_box.gltf -o build/ci/synchronized.png --size 64x64 --patches 200 --method raster --solve-on gpu --quiet
-echo "synchronization: clean"
+for check in SYNCHRONIZATION_VALIDATION GPU_ASSISTED; do
+  VK_LAYER_ENABLES=VK_VALIDATION_FEATURE_ENABLE_${check}_EXT FAROL_VALIDATION=1 \
+    build/ci/src/farol render $cornell -o build/ci/checked.png --size 64x64 --patches 200 --method raster --solve-on gpu --quiet
+  echo "$check: clean"
+done
 git ls-files "src/*.cpp" | xargs -P "$(nproc)" -n 2 clang-tidy -p build/ci --quiet
 sh cmake/fuzz.sh "${FAROL_FUZZ_SECONDS:-600}"

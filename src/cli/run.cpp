@@ -383,10 +383,20 @@ class Run {
     return e;
   }
 
+  // What a device that failed has left is solved on the CPU, and so is all that follows.
+  void leaveFailedDevice(const Solution& solution) {
+    if (solution.deviceFailure.empty() || solveDevice_ == nullptr) return;
+    log_.warn({"device-failed", fmt::format("{}; the CPU solves instead", solution.deviceFailure)});
+    solveDevice_ = nullptr;
+    report_.solveOn = "CPU";
+    report_.solveOnWhy = "the device failed";
+  }
+
   // Light the scene as it stands.
   void light() {
     if (f_) {
       lighting_ = lightings_.make(scene_, patches_, options_.sky, *f_, *spec_, replicates_, solveDevice_);
+      leaveFailedDevice(lighting_.solution);
       report_.lamps = lighting_.plan.lamps.size();
       report_.emitters = lighting_.plan.emitters;
       report_.lampsWhy = lighting_.plan.why;
@@ -446,6 +456,7 @@ class Run {
     for (const UnitLighting& unit : units) {
       const PatchSet patches = buildPatches(unit.scene, facets_, {options_.patches, options_.patchSize});
       made.push_back(lightings_.make(unit.scene, patches, unit.material ? Rgb(0) : options_.sky, *f_, *spec_, replicates_, solveDevice_));
+      leaveFailedDevice(made.back().solution);
     }
     report_.clock.finish("unit solutions");
     bool converged = true;
@@ -461,6 +472,7 @@ class Run {
         if (lighting_.solution.irradiance.empty()) add(lighting_, made.back(), Rgb(0));
       } else {
         lighting_ = lightings_.make(scene_, patches_, options_.sky, *f_, *spec_, replicates_, solveDevice_);
+        leaveFailedDevice(lighting_.solution);
       }
       reportSolution();
       converged &= lighting_.solution.converged;
@@ -565,6 +577,7 @@ class Run {
       const gpu::Device* device = onDevice ? &methods_.device() : nullptr;
       const Stopwatch watch;
       solutions[side] = lightings_.make(scene_, patches_, options_.sky, *f_, *spec_, none, device).solution;
+      if (!solutions[side].deviceFailure.empty()) throw Error(solutions[side].deviceFailure);
       c.sides[side] = {onDevice ? device->info().name : "CPU", watch.seconds(), solutions[side].sweeps, solutions[side].error};
     }
     Rgb squares(0), total(0);

@@ -1,10 +1,12 @@
 #include "formfactor/raster.h"
 
 #include "base/error.h"
+#include "base/machine.h"
 #include "formfactor/facet_mesh.h"
 #include "formfactor/hybrid.h"
 #include "formfactor/images.h"
 #include "formfactor/near_field.h"
+#include "gpu/batch_size.h"
 #include "patch/positions.h"
 #include "shaders/hemicube.frag.h"
 #include "shaders/hemicube.vert.IMAGES.h"
@@ -31,6 +33,7 @@ using shader::toVec4;
 constexpr double kNear = 1e-6;
 constexpr double kEdgeOn = 4e-7;                  // a few float32 roundings of points at most 0.5 from the centre
 constexpr double kFullHemisphere = 4294967295.0;  // 2^32 - 1, the sum of all delta form factors
+constexpr uint32_t kFirstBatch = 16;              // hemicubes: nobody knows yet how long they take
 constexpr uint32_t kAllBacks = 0xFFFFFFFFu;       // a position that sees nothing but black backs lies inside a solid
 
 std::vector<shader::FacetRecord> facetRecords(const FacetSet& facets, const PatchSet& patches) {
@@ -169,6 +172,7 @@ struct RasterRowMaker::Impl {
     gpu::Bindings cullBindings, drawBindings, maskBindings;
     gpu::Commands commands;
     std::vector<Hemicube> hemicubes;
+    Stopwatch sinceSubmission;
   };
 
   Impl(const gpu::Device& d, const FacetSet& f, const PatchSet& p, const RasterOptions& o)
@@ -181,6 +185,7 @@ struct RasterRowMaker::Impl {
         bins(static_cast<uint32_t>(p.size()) + (o.images != nullptr ? 3 : 2)),
         backBin(static_cast<uint32_t>(p.size()) + 1),
         layers(chooseLayers()),
+        size(kFirstBatch, std::min(mostPerHemicube(), layers), layers),
         layered(o.layered && d.info().layeredDrawing),
         clusters(buildClusters(f)),
         clusterCount(static_cast<uint32_t>(clusters.records.size())),
@@ -225,6 +230,7 @@ struct RasterRowMaker::Impl {
                        std::move(drawBindings),
                        std::move(maskBindings),
                        gpu::Commands(d, name),
+                       {},
                        {}});
     }
     if (o.images != nullptr)
@@ -253,7 +259,7 @@ struct RasterRowMaker::Impl {
     count = std::min<uint64_t>(count, limits.maxImageLayers);
     const uint64_t widest = std::max<uint64_t>({pixels, bins, drawCount()});  // words per layer of the largest buffer
     count = std::min(count, limits.maxStorageBufferRange / (4 * widest));
-    if (options.maxBatch > 0) count = std::min<uint64_t>(count, std::max(options.maxBatch, mostPerHemicube()));
+    count = std::min<uint64_t>(count, std::max(options.maxBatch, mostPerHemicube()));
     if (count == 0) {
       throw Error("a hemicube of resolution {} with {} patches needs {} bytes on the device; {} are allowed",
                   options.resolution, patches.size(), bytesPerLayer(), options.deviceMemory);
@@ -335,6 +341,7 @@ struct RasterRowMaker::Impl {
     commands.dispatch((pixels + kPixelsPerGroup - 1) / kPixelsPerGroup, count);
     commands.copy(sums, slot.rows, uint64_t{4} * bins * count);
     if (paths) commands.copy(items, slot.seen, uint64_t{4} * pixels * count);
+    slot.sinceSubmission = {};
     commands.submit();
   }
 
@@ -434,7 +441,14 @@ struct RasterRowMaker::Impl {
   // Stores the rows that the slot's batch completes. A patch whose positions are cut by the batch's end stays
   // in `carry`; positions are always added in their order, so the rows do not depend on where batches end.
   void collect(Slot& slot, RowStore& store) {
+    const Stopwatch wait;
     slot.commands.wait();
+    // The device was busy with this batch since it got it, or since the one before was done; for less than that where it
+    // had finished before the host asked.
+    const double busy = std::min(slot.sinceSubmission.seconds(), sinceLastBatch.seconds());
+    constexpr double kAtOnce = 1e-4;
+    if (wait.seconds() > kAtOnce || busy < gpu::BatchSize::kSeconds) size.took(static_cast<uint32_t>(slot.hemicubes.size()), busy);
+    sinceLastBatch = {};
     struct Run {
       size_t first, last;  // hemicubes of one patch
     };
@@ -511,7 +525,7 @@ struct RasterRowMaker::Impl {
         } else {
           auto images = options.images->of(poseOf(hemicube, patches.patches[patch].normal));
           images.resize(std::min<size_t>(images.size(), layers - 1));
-          if (next.size() + 1 + images.size() > layers) flush(rowsSubmitted - 1);
+          if (!next.empty() && next.size() + 1 + images.size() > size.now()) flush(rowsSubmitted - 1);
           const auto base = static_cast<uint32_t>(next.size());
           next.push_back(hemicube);
           for (const MirrorImage& image : images) {
@@ -522,7 +536,7 @@ struct RasterRowMaker::Impl {
             next.back().parent = base + static_cast<uint32_t>(image.parent + 1);
           }
         }
-        if (next.size() == layers) flush(next.back().last ? rowsSubmitted : rowsSubmitted - 1);
+        if (next.size() >= size.now()) flush(next.back().last ? rowsSubmitted : rowsSubmitted - 1);
       }
     }
     if (!next.empty()) flush(rowsSubmitted);
@@ -538,6 +552,8 @@ struct RasterRowMaker::Impl {
   RasterOptions options;
   ProjectionLayout layout;
   uint32_t pixels, bins, backBin, layers;
+  gpu::BatchSize size;  // hemicubes per submission
+  Stopwatch sinceLastBatch;  // was done
   bool layered;
   FacetClusters clusters;
   uint32_t clusterCount;
@@ -558,12 +574,47 @@ struct RasterRowMaker::Impl {
 
 RasterRowMaker::RasterRowMaker(const gpu::Device& device, const FacetSet& facets, const PatchSet& patches,
                                const RasterOptions& options)
-    : impl_(std::make_unique<Impl>(device, facets, patches, options)) {}
+    : device_(device), facets_(facets), patches_(patches), options_(options) {
+  if (options_.maxBatch == 0) options_.maxBatch = device.limits().maxImageLayers;
+  build();
+}
 RasterRowMaker::~RasterRowMaker() = default;
+
+void RasterRowMaker::build() {
+  while (!impl_) {
+    try {
+      impl_ = std::make_unique<Impl>(device_, facets_, patches_, options_);
+    } catch (const gpu::OutOfMemory& e) {
+      shrink(e);
+    }
+  }
+}
+
+void RasterRowMaker::shrink(const gpu::OutOfMemory& why) {
+  impl_.reset();
+  const uint32_t least = options_.images != nullptr ? options_.images->most() + 1 : 1;
+  if (options_.maxBatch <= least) {
+    throw Error("{}: the device has no room for one hemicube of resolution {} with {} patches; ask for a lower --resolution, "
+                "or --method rays",
+                why.what(), options_.resolution, patches_.size());
+  }
+  options_.maxBatch = std::max(options_.maxBatch / 2, least);
+}
 
 void RasterRowMaker::makeRows(std::span<const uint32_t> patches, RowStore& store,
                               const std::function<void(size_t)>& done) {
-  impl_->makeRows(patches, store, done);
+  for (size_t first = 0;;) {
+    const size_t base = first;
+    try {
+      return impl_->makeRows(patches.subspan(base), store, [&](size_t rows) {
+        first = base + rows;
+        done(first);
+      });
+    } catch (const gpu::OutOfMemory& e) {  // others may use the device as well, and some drivers allocate when they draw
+      shrink(e);
+      build();
+    }
+  }
 }
 
 uint32_t RasterRowMaker::batchSize() const {

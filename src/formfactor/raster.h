@@ -33,18 +33,26 @@ struct RasterOptions {
 
 class RasterRowMaker : public RowMaker {
  public:
-  // The arguments must outlive the maker. Throws Error when the device memory does not hold one hemicube.
+  // The arguments must outlive the maker. Where the device has less memory than `deviceMemory` allows, now or later,
+  // batches become smaller; throws Error when it does not hold one hemicube.
   RasterRowMaker(const gpu::Device& device, const FacetSet& facets, const PatchSet& patches,
                  const RasterOptions& options);
   ~RasterRowMaker() override;
 
   void makeRows(std::span<const uint32_t> patches, RowStore& store, const std::function<void(size_t)>& done) override;
 
-  uint32_t batchSize() const;    // hemicubes per submission
+  uint32_t batchSize() const;    // hemicubes per submission, at most
   uint64_t deviceBytes() const;  // device memory in use for batches
 
  private:
   struct Impl;
+  void build();
+  void shrink(const gpu::OutOfMemory& why);  // batches to come; throws when they cannot get smaller
+
+  const gpu::Device& device_;
+  const FacetSet& facets_;
+  const PatchSet& patches_;
+  RasterOptions options_;
   std::unique_ptr<Impl> impl_;
 };
 

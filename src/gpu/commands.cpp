@@ -237,7 +237,8 @@ void Commands::submit() {
 void Commands::wait() {
   if (!impl_->pending) return;
   const Device::Impl& d = impl_->device;
-  check(d.vk.vkWaitForFences(d.device, 1, &impl_->fence, VK_TRUE, UINT64_MAX), "wait for the device");
+  const VkResult result = d.vk.vkWaitForFences(d.device, 1, &impl_->fence, VK_TRUE, UINT64_MAX);
+  check(d.waitsLeft-- == 0 ? VK_ERROR_DEVICE_LOST : result, "wait for device " + d.info.name);
   check(d.vk.vkResetFences(d.device, 1, &impl_->fence), "reset a fence");
   impl_->pending = false;
 }

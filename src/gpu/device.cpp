@@ -49,6 +49,13 @@ VKAPI_ATTR VkBool32 VKAPI_CALL onMessage(VkDebugUtilsMessageSeverityFlagBitsEXT 
   return VK_FALSE;
 }
 
+// A count of FAROL_DEVICE_FAULT=<name>:<count>, or endless.
+uint64_t faultOf(const std::string& name) {
+  const char* value = std::getenv("FAROL_DEVICE_FAULT");
+  const std::string text = value != nullptr ? value : "";
+  return text.starts_with(name + ":") ? std::strtoull(text.c_str() + name.size() + 1, nullptr, 10) : UINT64_MAX;
+}
+
 bool hasExtension(const std::vector<VkExtensionProperties>& list, const char* name) {
   return std::any_of(list.begin(), list.end(), [&](const auto& e) { return std::strcmp(e.extensionName, name) == 0; });
 }
@@ -253,8 +260,14 @@ void createLogicalDevice(Device::Impl& d) {
 }  // namespace
 
 void check(VkResult result, const std::string& operation) {
-  if (result != VK_SUCCESS)
-    throw Error("failed to {}: {} (VkResult {})", operation, resultName(result), static_cast<int>(result));
+  if (result == VK_SUCCESS) return;
+  const std::string sentence = fmt::format("failed to {}: {} (VkResult {})", operation, resultName(result), static_cast<int>(result));
+  if (result == VK_ERROR_OUT_OF_DEVICE_MEMORY || result == VK_ERROR_OUT_OF_HOST_MEMORY) throw OutOfMemory(sentence);
+  if (result == VK_ERROR_DEVICE_LOST) {
+    throw DeviceLost("{}: it was reset or taken away, or its driver ended work that took too long; choose another --device, or --method rays",
+                     sentence);
+  }
+  throw Error(sentence);
 }
 
 Device::Impl::~Impl() {
@@ -296,7 +309,8 @@ VkDeviceMemory Device::Impl::allocate(const VkMemoryRequirements& needs, VkMemor
   allocation.allocationSize = needs.size;
   allocation.memoryTypeIndex = chosen;
   VkDeviceMemory result = VK_NULL_HANDLE;
-  check(vk.vkAllocateMemory(device, &allocation, nullptr, &result),
+  const bool refused = needs.size > mostAllocated;
+  check(refused ? VK_ERROR_OUT_OF_DEVICE_MEMORY : vk.vkAllocateMemory(device, &allocation, nullptr, &result),
         fmt::format("allocate {} bytes for {}", needs.size, what));
   return result;
 }
@@ -312,6 +326,8 @@ std::vector<DeviceInfo> listDevices() {
 
 Device::Device(const std::string& wanted) : impl_(std::make_unique<Impl>()) {
   Impl& d = *impl_;
+  d.mostAllocated = faultOf("memory");
+  d.waitsLeft = faultOf("lost");
   const bool validation = validationWanted();
   d.instance = createInstance(validation, d.debugNames);
   if (validation) {

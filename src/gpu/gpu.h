@@ -3,6 +3,8 @@
 // Every failure throws Error with a verb phrase and the Vulkan result.
 #pragma once
 
+#include "base/error.h"
+
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -11,6 +13,16 @@
 #include <vector>
 
 namespace farol::gpu {
+
+class OutOfMemory : public Error {  // of the device or the host: less at a time may fit
+ public:
+  using Error::Error;
+};
+
+class DeviceLost : public Error {  // the device and all that was made from it are of no more use
+ public:
+  using Error::Error;
+};
 
 struct DeviceInfo {
   uint32_t index = 0;
@@ -34,7 +46,8 @@ class Device {
  public:
   // The device with this index or whose name contains `wanted`; the fastest kind when empty. Throws
   // with a reason per device when none can be used. The validation layer is loaded when the environment
-  // has FAROL_VALIDATION=1; its messages go to standard error and are counted.
+  // has FAROL_VALIDATION=1; its messages go to standard error and are counted. For tests of what follows,
+  // FAROL_DEVICE_FAULT=memory:N refuses allocations of more than N bytes, and =lost:N loses the device at the N-th wait.
   explicit Device(const std::string& wanted = "");
   ~Device();
   Device(Device&&) noexcept;

@@ -12,7 +12,7 @@
 
 namespace farol::gpu {
 
-// Throws Error "failed to <operation>: <result>" unless the call succeeded.
+// Throws Error "failed to <operation>: <result>", or what is derived from it, unless the call succeeded.
 void check(VkResult result, const std::string& operation);
 
 struct Device::Impl {
@@ -34,6 +34,8 @@ struct Device::Impl {
   VkCommandPool pool = VK_NULL_HANDLE;
   VkPipelineCache pipelineCache = VK_NULL_HANDLE;
   size_t loadedCacheBytes = 0;
+  uint64_t mostAllocated = UINT64_MAX;  // faults to order (FAROL_DEVICE_FAULT): bytes at once,
+  mutable uint64_t waitsLeft = UINT64_MAX;  // and waits until the device is lost
 
   ~Impl();
 

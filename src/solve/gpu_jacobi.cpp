@@ -15,8 +15,6 @@ namespace farol {
 namespace {
 
 constexpr uint32_t kPadding = 32;      // columns; whole workgroups of rows, and whole vectors
-constexpr uint32_t kMostInBatch = 64;  // sweeps per submission
-constexpr double kBatchSeconds = 0.25;  // no submission should take longer: watchdogs end those of seconds
 
 uint32_t paddedCount(size_t n) {
   return static_cast<uint32_t>((std::max<size_t>(n, 1) + kPadding - 1) / kPadding * kPadding);
@@ -71,9 +69,9 @@ GpuJacobi::GpuJacobi(const gpu::Device& device, const FormFactorMatrix& f, const
   constexpr double kUsableShare = 0.8;
   const uint64_t bytes = bytesFor(reflecting.size());
   if (static_cast<double>(bytes) > kUsableShare * static_cast<double>(device.info().memoryBytes)) {
-    throw Error("form factors of {} patches need {:.3g} GB on device {}, which has {:.3g} GB; use --solve-on cpu",
-                reflecting.size(), static_cast<double>(bytes) * 1e-9, device.info().name,
-                static_cast<double>(device.info().memoryBytes) * 1e-9);
+    throw gpu::OutOfMemory("form factors of {} patches need {:.3g} GB on device {}, which has {:.3g} GB",
+                           reflecting.size(), static_cast<double>(bytes) * 1e-9, device.info().name,
+                           static_cast<double>(device.info().memoryBytes) * 1e-9);
   }
   const uint64_t rowBytes = uint64_t{padded_} * sizeof(uint16_t);
   constexpr uint64_t kMostStaged = 64u << 20;
@@ -157,7 +155,7 @@ GpuJacobi::Result GpuJacobi::reflections(const Channels& r, double goal, size_t 
     const auto count = static_cast<uint32_t>(std::min<size_t>(batch_, mostSweeps - result.changes.size()));
     const Stopwatch watch;
     sweep(count);
-    const double seconds = watch.seconds() / count;
+    size_.took(count, watch.seconds());
     const auto bits = download_.as<uint32_t>();
     for (uint32_t s = 0; s < count; ++s) result.changes.push_back(scale * static_cast<double>(std::bit_cast<float>(bits[s])));
     const double last = result.changes.back(), before = result.changes[result.changes.size() - 2];
@@ -166,8 +164,7 @@ GpuJacobi::Result GpuJacobi::reflections(const Channels& r, double goal, size_t 
     const double target = std::max(kWellBelow * goal, kFloor * scale);
     more = std::isfinite(last) && factor < 1 && left > target && result.changes.size() < mostSweeps;
     const double missing = more ? std::log(target / left) / std::log(factor) : 0;
-    batch_ = static_cast<uint32_t>(std::clamp(std::min(std::ceil(missing), kBatchSeconds / std::max(seconds, 1e-9)), 1.0,
-                                              static_cast<double>(kMostInBatch)));
+    batch_ = static_cast<uint32_t>(std::clamp(std::ceil(missing), 1.0, static_cast<double>(size_.now())));
   }
   commands_.begin();
   commands_.copy(fields_[current_], download_, 12ull * padded_);

@@ -1,6 +1,7 @@
 // Jacobi sweeps in a compute shader. Internal to this room and its benchmark.
 #pragma once
 
+#include "gpu/batch_size.h"
 #include "gpu/gpu.h"
 #include "solve/system.h"
 
@@ -8,7 +9,8 @@ namespace farol {
 
 // F between the reflecting patches, in half precision, in blocks of rows that a device can bind; sweeps in float32 are
 // submitted in batches and tell their largest changes. What half precision lacks, the caller's residual in double from
-// the F that counts brings back: the solution is that F's. Throws Error when the device has too little memory.
+// the F that counts brings back: the solution is that F's. Throws
+// gpu::OutOfMemory when the device has too little of it.
 class GpuJacobi {
  public:
   GpuJacobi(const gpu::Device& device, const FormFactorMatrix& f, const std::vector<size_t>& reflecting,
@@ -43,7 +45,9 @@ class GpuJacobi {
   std::vector<Block> blocks_;
   gpu::Commands commands_;
   uint32_t current_ = 0;  // the field that holds the newest sum
-  uint32_t batch_ = 8;    // sweeps per submission
+  static constexpr uint32_t kMostInBatch = 64;
+  gpu::BatchSize size_{4, 1, kMostInBatch};  // sweeps per submission, at most
+  uint32_t batch_ = size_.now();             // and in the next one
 };
 
 }  // namespace farol

@@ -138,7 +138,21 @@ Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const Dir
                 scene.path, result.sweeps, found, system.bound, system.worstRow);
   };
   std::optional<GpuJacobi> onDevice;
-  if (options.device != nullptr) onDevice.emplace(*options.device, f, system.reflecting, system.reflectance);
+  // A device that fails is left: b and r are the host's, so nothing is lost but time.
+  const auto triedOnDevice = [&](const auto& work) {
+    try {
+      work();
+      return true;
+    } catch (const gpu::OutOfMemory& e) {
+      result.deviceFailure = e.what();
+    } catch (const gpu::DeviceLost& e) {
+      result.deviceFailure = e.what();
+    }
+    onDevice.reset();
+    return false;
+  };
+  if (options.device != nullptr)
+    triedOnDevice([&] { onDevice.emplace(*options.device, f, system.reflecting, system.reflectance); });
 
   const Reference meanRadiosity(patches);
   Channels r = system.residualOf(b);
@@ -152,7 +166,8 @@ Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const Dir
     if (onDevice) {
       // Sweeps in float32 for what r still lacks: the sum of all its reflections; r itself is the host's part, in double.
       const double goal = options.residual * meanRadiosity.of(b.columns());
-      const GpuJacobi::Result made = onDevice->reflections(r, goal, options.maxSweeps - result.sweeps);
+      GpuJacobi::Result made;
+      if (!triedOnDevice([&] { made = onDevice->reflections(r, goal, options.maxSweeps - result.sweeps); })) continue;
       b.add(made.sum);
       result.sweeps += made.changes.size();
       result.history.insert(result.history.end(), made.changes.begin(), made.changes.end());
@@ -223,6 +238,7 @@ Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, cons
       result.irradiance[i][c] = own.irradiance[i][c];
     }
     result.converged &= own.converged;
+    if (result.deviceFailure.empty()) result.deviceFailure = own.deviceFailure;
     result.sweeps += own.sweeps;
     result.residual = std::max(result.residual, own.residual);
     result.contraction = std::max(result.contraction, own.contraction);

@@ -23,7 +23,8 @@ struct SolveOptions {
   double residual = 1e-5;
   size_t maxSweeps = 100000;
   Rgb sky{0};  // uniform radiosity seen wherever a row misses the scene
-  const gpu::Device* device = nullptr;  // sweeps by Jacobi in float32 there, inside a correction in double here
+  // Sweeps by Jacobi in float32 there, inside a correction in double here; on the CPU from where it fails.
+  const gpu::Device* device = nullptr;
 };
 
 struct Solution {
@@ -36,6 +37,7 @@ struct Solution {
   double contraction = 0;  // estimated factor by which a Jacobi sweep reduces the residual
   double bound = 0;        // largest reflectance times row sum: the contraction is not above it
   double error = 0;        // residual / (1 - contraction) over the mean radiosity of non-emitters
+  std::string deviceFailure;    // why the device was left for the CPU; empty when it was not
   std::vector<double> history;  // the first residual, then the largest change of each sweep
 };
 

@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <fmt/format.h>
 #include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
 #include <random>
 #include <unistd.h>
 
@@ -101,6 +102,69 @@ TEST(MachineFailures, TooLittleMemoryIsASentence) {
   EXPECT_THAT(readText(error), HasSubstr("error: "));
   EXPECT_THAT(readText(error), HasSubstr("memory"));
   EXPECT_EQ(folder.files(), std::vector<std::string>{"err"});
+}
+
+// Orders a fault of the Vulkan device (gpu.h).
+Outcome withFault(const std::string& fault, const std::string& arguments) {
+  setenv("FAROL_DEVICE_FAULT", fault.c_str(), 1);
+  const Outcome o = farol(arguments);
+  unsetenv("FAROL_DEVICE_FAULT");
+  return o;
+}
+
+TEST(MachineFailures, TooLittleDeviceMemoryMakesSmallerBatches) {
+  const TemporaryFolder folder;
+  const auto arguments = [&](const std::string& name) {
+    return "factors " + kCornell + " --patches 400 --method raster --resolution 64 -o " + folder.path(name + ".npz") + " --report " + folder.path(name + ".json");
+  };
+  ASSERT_EQ(farol(arguments("free")).exitCode, 0);
+  const Outcome o = withFault("memory:1000000", arguments("tight"));
+  ASSERT_EQ(o.exitCode, 0) << o.err;
+  const auto batchOf = [&](const std::string& name) { return nlohmann::json::parse(readText(folder.path(name + ".json"))).at("batch").at("hemicubes").get<int>(); };
+  EXPECT_LT(batchOf("tight"), batchOf("free") / 2);
+  EXPECT_EQ(readText(folder.path("tight.npz")), readText(folder.path("free.npz"))) << "rows do not depend on batches";
+
+  const Outcome none = withFault("memory:20000", arguments("none"));
+  EXPECT_EQ(none.exitCode, 1);
+  EXPECT_THAT(none.err, HasSubstr("out of device memory"));
+  EXPECT_THAT(none.err, HasSubstr("no room for one hemicube of resolution 64"));
+  EXPECT_FALSE(std::filesystem::exists(folder.path("none.npz")));
+}
+
+TEST(MachineFailures, LostDeviceIsASentence) {
+  const TemporaryFolder folder;
+  for (const char* fault : {"lost:0", "lost:2", "lost:12"}) {
+    const Outcome o = withFault(fault, "factors " + kCornell + " --patches 400 --method raster -o " + folder.path("F.npz"));
+    EXPECT_EQ(o.exitCode, 1) << fault;
+    EXPECT_THAT(o.err, HasSubstr("device lost"));
+    EXPECT_THAT(o.err, HasSubstr("--method rays"));
+    EXPECT_EQ(folder.files(), std::vector<std::string>{}) << fault;
+  }
+}
+
+// A solve has its state on the host: what the device leaves undone, the CPU does.
+TEST(MachineFailures, SolveOnAFailingDeviceEndsOnTheCpu) {
+  const TemporaryFolder folder;
+  const std::string solve = "solve " + kCornell + " --patches 400 --method rays --solve-on gpu";
+  const auto radiosityOf = [&](const std::string& fault) {
+    const std::string csv = folder.path("p.csv"), report = folder.path("r.json");
+    const Outcome o = withFault(fault, solve + " --patches-csv " + csv + " --report " + report);
+    EXPECT_EQ(o.exitCode, 0) << fault << ": " << o.err;
+    const bool failed = o.err.find("[device-failed]") != std::string::npos;
+    EXPECT_EQ(failed, fault != "none") << fault << ": " << o.err;
+    EXPECT_EQ(nlohmann::json::parse(readText(report)).at("solve").at("on").get<std::string>() == "CPU", failed) << fault;
+    std::vector<double> b;
+    const auto lines = readCsv(csv);
+    const auto column = std::find(lines[0].begin(), lines[0].end(), "B_r") - lines[0].begin();
+    for (size_t i = 1; i < lines.size(); ++i) b.push_back(std::stod(lines[i].at(static_cast<size_t>(column))));
+    return b;
+  };
+  const std::vector<double> free = radiosityOf("none");
+  for (const char* fault : {"memory:100000", "lost:1", "lost:5"}) {
+    const std::vector<double> b = radiosityOf(fault);
+    ASSERT_EQ(b.size(), free.size());
+    for (size_t i = 0; i < b.size(); ++i) EXPECT_NEAR(b[i], free[i], 1e-4 * free[i] + 1e-9) << fault;
+  }
 }
 
 TEST(MachineFailures, FullDiskIsASentence) {
