@@ -35,14 +35,14 @@ Trial SizedScene::solve(const Setting& setting, size_t probes) {
   trial.lightSeconds = watch.seconds() - trial.rowSeconds - replicates.seconds;
   trial.cpuSeconds = static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC;
   if (probes > 0) {
-    const auto errorBy = [&](Replicates part) {
+    const auto errorBy = [&](const Replicates& part) {
       trial.lighting.error = irradianceError(trial.f, patches_, trial.lighting.direct, trial.lighting.solution, part, samplesOf(setting.spec), options_.sky);
       return relativeError(trial.f, patches_, trial.lighting);
     };
     Replicates light;
     light.patches = replicates.patches;
     light.direct = replicates.direct;
-    trial.lightError = errorBy(std::move(light));
+    trial.lightError = errorBy(light);
     replicates.direct.reset();
     trial.rowError = errorBy(std::move(replicates));
   }
