@@ -19,7 +19,7 @@ uint64_t spreadBits(uint64_t x) {
 uint64_t facing(const Vec3& n) {
   const Vec3 a = glm::abs(n);
   const int axis = a.x >= a.y && a.x >= a.z ? 0 : a.y >= a.z ? 1 : 2;
-  return static_cast<uint64_t>(2 * axis + (n[axis] < 0 ? 1 : 0));
+  return uint64_t{2} * static_cast<uint64_t>(axis) + (n[axis] < 0 ? 1 : 0);
 }
 
 }  // namespace

@@ -347,7 +347,7 @@ struct RasterRowMaker::Impl {
 
   // Exposed share of a patch: measured beforehand, or what its positions say.
   double exposedShare(uint32_t patch, double positions) const {
-    return options.exposed != nullptr ? std::min<double>(options.exposed->share[patch], positions > 0 ? 1 : 0)
+    return options.exposed != nullptr ? std::min(static_cast<double>(options.exposed->share[patch]), positions > 0 ? 1.0 : 0.0)
                                       : positions;
   }
 

@@ -71,8 +71,8 @@ std::vector<Sensor> loadSensors(const std::string& path) {
         throw Error("{}: line {}: the grid's sides do not span a plane", path, number);
       if (!(nu >= 1 && nv >= 1 && nu == std::floor(nu) && nv == std::floor(nv) && nu * nv <= double{kMost}))
         throw Error("{}: line {}: {} x {} is not a number of sensors from 1 to {}", path, number, nu, nv, kMost);
-      for (double j = 0; j < nv; ++j) {
-        for (double i = 0; i < nu; ++i)
+      for (int j = 0; j < static_cast<int>(nv); ++j) {
+        for (int i = 0; i < static_cast<int>(nu); ++i)
           sensors.push_back({origin + (i + 0.5) / nu * a + (j + 0.5) / nv * b, glm::normalize(normal)});
       }
     }

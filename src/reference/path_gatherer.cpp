@@ -47,7 +47,6 @@ PathGatherer::PathGatherer(const Tracer& tracer, const FacetSet& facets, const P
                            const LampPlan& lamps, const Rgb& sky, const TreeLimits& limits)
     : tracer_(tracer),
       facets_(facets),
-      patches_(patches),
       scene_(scene),
       lamps_(lamps),
       sky_(sky),

@@ -38,7 +38,6 @@ class PathGatherer {
 
   const Tracer& tracer_;
   const FacetSet& facets_;
-  const PatchSet& patches_;
   const Scene& scene_;
   const LampPlan& lamps_;
   Rgb sky_;

@@ -219,7 +219,7 @@ std::string Tracer::description() const {
 
 std::string Tracer::versionText() {
   RTCDevice device = rtcNewDevice(nullptr);
-  const std::string text = device != nullptr ? describe(packetWidth(device)) : "Embree cannot be started";
+  std::string text = device != nullptr ? describe(packetWidth(device)) : "Embree cannot be started";
   if (device != nullptr) rtcReleaseDevice(device);
   return text;
 }
