@@ -44,7 +44,7 @@ Trial SizedScene::solve(const Setting& setting, size_t probes) {
     light.direct = replicates.direct;
     trial.lightError = errorBy(light);
     replicates.direct.reset();
-    trial.rowError = errorBy(std::move(replicates));
+    trial.rowError = errorBy(replicates);
   }
   return trial;
 }
