@@ -244,8 +244,13 @@ class Run {
     f_.emplace(kept_->load(patches_.size(), allowedBytes(options_)));
     report_.storageWhy = "as kept";
     reportStorage();
+    if (auto again = kept_->replicates(patches_.size())) {
+      replicates_.patches = std::move(again->patches);
+      replicates_.rows = std::move(again->rows);
+      replicates_.better = spec_->hemicubes();
+    }
     report_.clock.finish("form factors");
-    replicateRows();
+    if (!replicates_.rows) replicateRows();
     report_.checks = checkFormFactors(*f_, patches_);
     report_.clock.finish("checks");
     say("form factors: {} rows of {} in {:.2f} s from {}", f_->size(), kept_->about().method,
@@ -731,7 +736,8 @@ class Run {
       else if (options_.output.ends_with(".npz"))
         writeFactorsNpz(options_.output, *f_, patches_,
                         {methodText(*spec_), spec_->seed, {options_.patches, options_.patchSize},
-                         fingerprintOf(facets_, patches_)});
+                         fingerprintOf(facets_, patches_)},
+                        replicates_.patches, replicates_.rows ? &*replicates_.rows : nullptr);
       else if (options_.output.ends_with(".npy"))
         writeFactorsNpy(options_.output, *f_);
       else

@@ -94,17 +94,14 @@ std::vector<std::string> dataMembers(bool coloured) {
 
 }  // namespace
 
-void writeFactorsNpz(const std::string& path, const FormFactorMatrix& f, const PatchSet& patches,
-                     const KeptFactors& about) {
+void writeFactorsNpz(const std::string& path, const FormFactorMatrix& f, const PatchSet& patches, const KeptFactors& about,
+                     const std::vector<uint32_t>& again, const FormFactorMatrix* rows) {
   const size_t n = f.size();
-  std::vector<int64_t> starts{0};
   std::vector<double> area, exposed, correction;
   std::vector<std::array<double, 3>> missed, backs, cut, absorbed;
   std::vector<int32_t> ids;
   std::vector<float> values;
   for (size_t i = 0; i < n; ++i) {
-    compressed(f, i, 0, ids, values);
-    starts.push_back(starts.back() + static_cast<int64_t>(ids.size()));
     const RowShares& s = f.shares(i);
     area.push_back(patches.patches[i].area);
     for (const auto& [to, what] : {std::pair(&missed, &RowShares::missed), std::pair(&backs, &RowShares::backs),
@@ -113,20 +110,47 @@ void writeFactorsNpz(const std::string& path, const FormFactorMatrix& f, const P
     exposed.push_back(s.exposed);
     correction.push_back(s.correction);
   }
-  const auto entries = static_cast<uint64_t>(starts.back());
   std::vector<std::unique_ptr<Member>> members;
-  const auto add = [&](const char* name, const NpyHeader& header, std::string data) {
+  const auto add = [&](const std::string& name, const NpyHeader& header, std::string data) {
     members.push_back(std::make_unique<Member>());
-    members.back()->name = std::string(name) + ".npy";
+    members.back()->name = name + ".npy";
     members.back()->pending = npyHeader(header) + std::move(data);
   };
   const auto numbers = [&](const char* name, const std::vector<double>& v) { add(name, {"<f8", {v.size()}}, bytesOf(v)); };
   const auto text = [&](const char* name, const std::string& t) { add(name, {fmt::format("|S{}", t.size()), {}}, t); };
-  // scipy.sparse.load_npz wants one type for both index members.
-  const bool wide = entries > INT32_MAX;
-  const char* index = wide ? "<i8" : "<i4";
-  std::string startBytes;
-  for (const int64_t s : starts) wide ? append(startBytes, s) : append(startBytes, static_cast<int32_t>(s));
+  // Some rows of a matrix in CSR form.
+  const auto addRows = [&](const std::string& prefix, const FormFactorMatrix& from, const std::vector<uint32_t>& which) {
+    std::vector<int64_t> starts{0};
+    for (const uint32_t i : which) {
+      compressed(from, i, 0, ids, values);
+      starts.push_back(starts.back() + static_cast<int64_t>(ids.size()));
+    }
+    const auto entries = static_cast<uint64_t>(starts.back());
+    // scipy.sparse.load_npz wants one type for both index members.
+    const bool wide = entries > INT32_MAX;
+    const char* index = wide ? "<i8" : "<i4";
+    std::string startBytes;
+    for (const int64_t s : starts) wide ? append(startBytes, s) : append(startBytes, static_cast<int32_t>(s));
+    add(prefix + "indptr", {index, {starts.size()}}, std::move(startBytes));
+    std::vector<std::string> arrays = dataMembers(from.coloured());
+    arrays.insert(arrays.begin(), "indices");
+    for (size_t a = 0; a < arrays.size(); ++a) {
+      const bool isIndex = a == 0;
+      const int c = isIndex ? 0 : static_cast<int>(a) - 1;
+      add(prefix + arrays[a], {isIndex ? index : "<f4", {entries}}, "");
+      members.back()->more = [&, isIndex, c, wide, row = size_t{0}](std::string& bytes) mutable {
+        for (; row < which.size() && bytes.empty(); ++row) {
+          compressed(from, which[row], c, ids, values);
+          if (!isIndex)
+            bytes = bytesOf(values);
+          else if (!wide)
+            bytes = bytesOf(ids);
+          else
+            for (const int32_t id : ids) append(bytes, int64_t{id});
+        }
+      };
+    }
+  };
   text("farol_method", about.method);
   add("farol_seed", {"<u8", {}}, bytesOf(std::vector<uint64_t>{about.seed}));
   numbers("farol_patch_options", {static_cast<double>(about.patches.count), about.patches.size});
@@ -147,24 +171,17 @@ void writeFactorsNpz(const std::string& path, const FormFactorMatrix& f, const P
   numbers("farol_correction", correction);
   text("format", "csr");
   add("shape", {"<i8", {2}}, bytesOf(std::vector<uint64_t>{n, n}));
-  add("indptr", {index, {n + 1}}, std::move(startBytes));
-  std::vector<std::string> arrays = dataMembers(f.coloured());
-  arrays.insert(arrays.begin(), "indices");
-  for (size_t a = 0; a < arrays.size(); ++a) {
-    const bool isIndex = a == 0;
-    const int c = isIndex ? 0 : static_cast<int>(a) - 1;
-    add(arrays[a].c_str(), {isIndex ? index : "<f4", {entries}}, "");
-    members.back()->more = [&, isIndex, c, row = size_t{0}](std::string& bytes) mutable {
-      for (; row < n && bytes.empty(); ++row) {
-        compressed(f, row, c, ids, values);
-        if (!isIndex)
-          bytes = bytesOf(values);
-        else if (!wide)
-          bytes = bytesOf(ids);
-        else
-          for (const int32_t id : ids) append(bytes, int64_t{id});
-      }
-    };
+  std::vector<uint32_t> all(n);
+  std::iota(all.begin(), all.end(), 0u);
+  addRows("", f, all);
+  if (rows != nullptr) {
+    add("farol_again_patches", {"<u4", {again.size()}}, bytesOf(again));
+    std::vector<double> seenNothing;
+    for (const uint32_t i : again) {
+      for (int c = 0; c < (f.coloured() ? 3 : 1); ++c) seenNothing.push_back(rows->ofChannel(c).shares(i).missed);
+    }
+    numbers("farol_again_missed", seenNothing);
+    addRows("farol_again_", *rows, again);
   }
 
   OutputFile file(path);
@@ -228,6 +245,13 @@ struct FactorArchive::Impl {
     void finish() {
       char byte = 0;
       if (zip_fread(file_.get(), &byte, 1) != 0) throw Error("{}: member {}.npy is damaged", path_, name_);
+    }
+    // At most so many values.
+    template <typename T>
+    std::vector<T> some(const char* descr, uint64_t most) {
+      if (header.shape.size() != 1 || header.shape[0] > most)
+        throw Error("{}: member {}.npy does not hold at most {} values", path_, name_, most);
+      return all<T>(descr, header.shape[0]);
     }
     template <typename T>
     std::vector<T> all(const char* descr, uint64_t count) {
@@ -319,39 +343,64 @@ FormFactorMatrix FactorArchive::load(size_t patches, uint64_t maxBytes) const {
   a.array<double>("farol_area", "<f8", patches);  // undamaged, that is all
   FormFactorMatrix f(patches, maxBytes);
   if (coloured) f.addChannels();
+  std::vector<uint32_t> all(patches);
+  std::iota(all.begin(), all.end(), 0u);
   for (int c = 0; c < static_cast<int>(channels); ++c) {
     const auto sharesOf = [&](size_t i) {
       const size_t at = channels * i + static_cast<size_t>(c);
       return RowShares{missed[at], backs[at], exposed[i], correction[i], cut[at], absorbed[at]};
     };
-    loadChannel(f.ofChannel(c), dataMembers(coloured)[static_cast<size_t>(c)], sharesOf);
+    loadRows(f, c, "", all, sharesOf);
   }
   return f;
 }
 
-void FactorArchive::loadChannel(FormFactorMatrix& f, const std::string& member,
-                                const std::function<RowShares(size_t)>& sharesOf) const {
+std::optional<KeptReplicates> FactorArchive::replicates(size_t patches) const {
   const Impl& a = *impl_;
+  if (zip_name_locate(a.archive, "farol_again_patches.npy", 0) < 0) return std::nullopt;
+  KeptReplicates kept{Impl::Reader(a, "farol_again_patches").some<uint32_t>("<u4", patches), FormFactorMatrix(patches)};
+  for (size_t k = 0; k < kept.patches.size(); ++k) {
+    if (kept.patches[k] >= patches || (k > 0 && kept.patches[k] <= kept.patches[k - 1]))
+      throw Error("{}: farol_again_patches are not ascending numbers of patches", a.path);
+  }
+  const size_t channels = zip_name_locate(a.archive, "data_r.npy", 0) >= 0 ? 3 : 1;
+  if (channels == 3) kept.rows.addChannels();
+  const auto missed = a.array<double>("farol_again_missed", "<f8", channels * kept.patches.size());
+  for (int c = 0; c < static_cast<int>(channels); ++c) {
+    loadRows(kept.rows, c, "farol_again_", kept.patches, [&](size_t k) {
+      RowShares shares;
+      shares.missed = missed[channels * k + static_cast<size_t>(c)];
+      return shares;
+    });
+  }
+  return kept;
+}
+
+void FactorArchive::loadRows(FormFactorMatrix& to, int c, const std::string& prefix, const std::vector<uint32_t>& rows,
+                             const std::function<RowShares(size_t)>& sharesOf) const {
+  const Impl& a = *impl_;
+  FormFactorMatrix& f = to.ofChannel(c);
   const size_t patches = f.size();
   const Impl again(a.path);  // libzip reads one member of an archive at a time
-  Impl::Reader indices(a, "indices"), data(again, member);
+  Impl::Reader indices(a, prefix + "indices"), data(again, prefix + dataMembers(to.coloured())[static_cast<size_t>(c)]);
   const bool wide = indices.header.descr == "<i8";
   std::vector<int64_t> starts;
   if (wide) {
-    starts = a.array<int64_t>("indptr", "<i8", patches + 1);
+    starts = a.array<int64_t>(prefix + "indptr", "<i8", rows.size() + 1);
   } else {
-    const auto narrow = a.array<int32_t>("indptr", "<i4", patches + 1);
+    const auto narrow = a.array<int32_t>(prefix + "indptr", "<i4", rows.size() + 1);
     starts.assign(narrow.begin(), narrow.end());
   }
   const auto entries = static_cast<uint64_t>(starts.back());
   const bool fits = starts[0] == 0 && std::is_sorted(starts.begin(), starts.end()) &&
                     indices.header.shape == std::vector<uint64_t>{entries} && data.header.shape == indices.header.shape &&
                     data.header.descr == "<f4" && (wide || indices.header.descr == "<i4");
-  if (!fits) throw Error("{}: indptr, indices and data do not make a CSR matrix of float32", a.path);
+  if (!fits) throw Error("{}: {}indptr, indices and data do not make a CSR matrix of float32", a.path, prefix);
 
-  for (size_t i = 0; i < patches; ++i) {
-    const int64_t count = starts[i + 1] - starts[i];
-    if (count > static_cast<int64_t>(patches)) throw Error("{}: row {} has {} entries of at most {}", a.path, i, count, patches);
+  for (size_t k = 0; k < rows.size(); ++k) {
+    const int64_t count = starts[k + 1] - starts[k];
+    if (count > static_cast<int64_t>(patches))
+      throw Error("{}: row {} has {} entries of at most {}", a.path, rows[k], count, patches);
   }
 
   // Chunk after chunk: indices and data side by side, each with its checksum, then the rows on all cores.
@@ -359,8 +408,9 @@ void FactorArchive::loadChannel(FormFactorMatrix& f, const std::string& member,
   std::vector<int64_t> wideIds;
   std::vector<uint32_t> ids;
   std::vector<float> values;
-  for (uint32_t first = 0, last = 0; first < patches; first = last) {
-    while (last < patches && (last == first || starts[last + 1] - starts[first] <= kChunkEntries)) ++last;
+  const auto rowCount = static_cast<uint32_t>(rows.size());
+  for (uint32_t first = 0, last = 0; first < rowCount; first = last) {
+    while (last < rowCount && (last == first || starts[last + 1] - starts[first] <= kChunkEntries)) ++last;
     const auto count = static_cast<size_t>(starts[last] - starts[first]);
     ids.resize(count);
     values.resize(count);
@@ -372,18 +422,18 @@ void FactorArchive::loadChannel(FormFactorMatrix& f, const std::string& member,
           for (size_t k = 0; k < count; ++k) ids[k] = static_cast<uint32_t>(std::clamp<int64_t>(wideIds[k], 0, INT32_MAX));
         },
         [&] { data.read(values.data(), count * sizeof(float)); });
-    tbb::parallel_for(first, last, [&](uint32_t i) {
-      const auto at = static_cast<size_t>(starts[i] - starts[first]), length = static_cast<size_t>(starts[i + 1] - starts[i]);
+    tbb::parallel_for(first, last, [&](uint32_t k) {
+      const auto at = static_cast<size_t>(starts[k] - starts[first]), length = static_cast<size_t>(starts[k + 1] - starts[k]);
       const auto rowIds = std::span(ids).subspan(at, length);
       const auto rowValues = std::span(values).subspan(at, length);
       bool good = true;
-      for (size_t k = 0; k < length; ++k) {
-        good &= rowIds[k] < patches && rowValues[k] >= 0 && rowValues[k] <= kMostFactor;
-        if (k > 0) good &= rowIds[k] > rowIds[k - 1];
+      for (size_t l = 0; l < length; ++l) {
+        good &= rowIds[l] < patches && rowValues[l] >= 0 && rowValues[l] <= kMostFactor;
+        if (l > 0) good &= rowIds[l] > rowIds[l - 1];
       }
-      if (!good) throw Error("{}: row {} has an entry outside the matrix or outside [0, {}]", a.path, i, kMostFactor);
-      f.entries(i, rowIds, rowValues);
-      f.finish(i, sharesOf(i));
+      if (!good) throw Error("{}: row {} has an entry outside the matrix or outside [0, {}]", a.path, rows[k], kMostFactor);
+      f.entries(rows[k], rowIds, rowValues);
+      f.finish(rows[k], sharesOf(k));
     });
   }
   indices.finish();

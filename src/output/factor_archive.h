@@ -5,7 +5,9 @@
 #include "formfactor/form_factors.h"
 #include "patch/fingerprint.h"
 
+#include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
 namespace farol {
@@ -17,9 +19,16 @@ struct KeptFactors {
   Fingerprint fingerprint;
 };
 
-// Needs a row per patch of the whole set. Appears whole or not at all.
-void writeFactorsNpz(const std::string& path, const FormFactorMatrix& f, const PatchSet& patches,
-                     const KeptFactors& about);
+// Rows of some patches made once more, which tell the error of F's: kept beside it, since making them again would cost more
+// than to light the scene anew.
+struct KeptReplicates {
+  std::vector<uint32_t> patches;
+  FormFactorMatrix rows;  // [all patches], those of `patches` made
+};
+
+// Needs a row per patch of the whole set. Appears whole or not at all. `rows`, those of the patches `again`, may be null.
+void writeFactorsNpz(const std::string& path, const FormFactorMatrix& f, const PatchSet& patches, const KeptFactors& about,
+                     const std::vector<uint32_t>& again, const FormFactorMatrix* rows);
 
 // Reading. Throws Error with the file's name when it is not such an archive, is damaged (every member has a checksum), or
 // does not belong to the patches.
@@ -35,9 +44,11 @@ class FactorArchive {
   // Throws Error when geometry, patches or specular properties differ, naming which.
   void requireSame(const Fingerprint& scene, const std::string& scenePath) const;
   FormFactorMatrix load(size_t patches, uint64_t maxBytes) const;
+  std::optional<KeptReplicates> replicates(size_t patches) const;  // none where none were kept
 
  private:
-  void loadChannel(FormFactorMatrix& f, const std::string& member, const std::function<RowShares(size_t)>& sharesOf) const;
+  void loadRows(FormFactorMatrix& f, int c, const std::string& prefix, const std::vector<uint32_t>& rows,
+                const std::function<RowShares(size_t)>& sharesOf) const;
 
   struct Impl;
   std::unique_ptr<Impl> impl_;

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <cstdlib>
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 namespace farol::test {
@@ -61,6 +62,23 @@ TEST_F(KeptFactors, GiveWhatTheSameRowsGiveUnderNewLightAndPaint) {
     ASSERT_GT(fresh.size(), 3000u);
     for (size_t k = 0; k < fresh.size(); ++k) EXPECT_NEAR(kept[k], fresh[k], 1e-8 * (1 + fresh[k])) << scene << " " << k;
   }
+}
+
+// The rows made once more, which tell the error, are kept as well; a file without them has them traced anew.
+TEST_F(KeptFactors, KeepWhatTellsTheirError) {
+  const std::string strip = fmt::format("import zipfile; a = zipfile.ZipFile('{}'); b = zipfile.ZipFile('{}', 'w'); "
+                                        "[b.writestr(n, a.read(n)) for n in a.namelist() if not n.startswith('farol_again')]; "
+                                        "assert len(b.namelist()) + 5 == len(a.namelist())",
+                                        path("F.npz"), path("stripped.npz"));
+  ASSERT_EQ(std::system(("/usr/bin/python3 -c \"" + strip + "\"").c_str()), 0);
+  std::array<double, 2> error{};
+  for (const size_t k : {size_t{0}, size_t{1}}) {
+    const Outcome o = farol("solve " + path("room.gltf") + " --factors " + path(k == 0 ? "F.npz" : "stripped.npz") + " --report " + path("r.json"));
+    ASSERT_EQ(o.exitCode, 0) << o.err;
+    error[k] = json::parse(readText(path("r.json"))).at("estimated_error").get<double>();
+  }
+  EXPECT_GT(error[0], 0);
+  EXPECT_NEAR(error[0], error[1], 1e-9 * error[1]);
 }
 
 TEST_F(KeptFactors, NeedNoVulkanDevice) {

@@ -46,6 +46,9 @@ void readFactors(const std::string& path) {
     const FormFactorMatrix f = archive.load(8, kMemory);
     double sum = 0;
     for (size_t i = 0; i < f.size(); ++i) sum += f.rowSum(i);
+    if (const auto again = archive.replicates(8)) {
+      for (const uint32_t i : again->patches) sum += again->rows.rowSum(i);
+    }
     if (!std::isfinite(sum)) __builtin_trap();
   } catch (const Error&) {
   }
