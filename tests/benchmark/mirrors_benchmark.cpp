@@ -63,7 +63,7 @@ int main() {
     FormFactorMatrix reference(n);
     RayRowMaker(run.tracer, run.facets, run.patches, {.rays = 1u << 18, .seed = 9}).makeRows(probes, reference, [](size_t) {});
     const Measured rays = measure(*run.maker(), probes, reference, n);
-    const auto line = [&](const char* method, const Measured& m) {
+    const auto line = [&, name = name](const char* method, const Measured& m) {
       // Errors of rows fall as samples^-0.57.
       const double atEqual = rays.rowsPerSecond / m.rowsPerSecond * std::pow(m.error / rays.error, 1 / 0.57);
       fmt::print("| {} | {} | {:.0f} | {:.3f} | {:.2f} times that of rays |\n", name, method, m.rowsPerSecond, m.error, atEqual);
