@@ -232,12 +232,14 @@ std::string unknownArgument(const CLI::App& app) {
 void chooseTolerance(Options& o) {
   constexpr double kUsual = 0.01;
   const bool kept = !o.factors.empty() || !o.variants.empty() || o.localIllumination;
+  if (o.gave("--adapt") && kept) throw UsageError("--adapt chooses patches before F is made: it does not go with --factors, --variants or --illumination local");
+  if (o.gave("--adapt") && o.gave("--tolerance")) throw UsageError("--adapt and --tolerance both choose patches: one of them is enough");
   if (o.gave("--tolerance")) {
     if (kept) throw UsageError("--tolerance chooses how F is made: it does not go with --factors, --variants or --illumination local");
     return;
   }
   if (kept || (o.command != Command::render && o.command != Command::solve && o.command != Command::info)) return;
-  for (const char* own : {"--patches", "--patch-size", "--method", "--resolution", "--projection", "--positions", "--rays", "--near-field", "--emitters",
+  for (const char* own : {"--patches", "--patch-size", "--adapt", "--method", "--resolution", "--projection", "--positions", "--rays", "--near-field", "--emitters",
                           "--shadow-rays"}) {
     if (o.gave(own)) return;
   }
@@ -300,6 +302,12 @@ Options parseOptions(int argc, char** argv, bool& handled) {
     addPatches(sub, o);
     addFormFactors(sub, o, raw);
     addMachine(sub, o);
+  }
+  for (CLI::App* sub : {render, solve}) {
+    sub->add_option("--adapt", o.adapt, "Patches as small as their light asks for, --patch-size at most: constant patches may cost so much of the mean irradiance")
+        ->check(inRange<double>(1e-4, 1))
+        ->excludes(sub->get_option("--patches"))
+        ->group("Patches");
   }
   for (CLI::App* sub : {render, solve, factors, info}) {
     sub->add_option("--tolerance", o.tolerance, "Error of irradiance, relative to its mean, that patches, method and samples are chosen for; what is given is kept. "
@@ -412,6 +420,7 @@ std::string explicitCommand(const Options& o, const MethodSpec& method) {
     add("--patch-size", o.patchSize);
   else
     add("--patches", o.patches);
+  if (o.adapt > 0) add("--adapt", o.adapt);
   if (!o.factors.empty()) add("--factors", o.factors);
   else if (o.command != Command::compare) add("--method", methodName(method.kind));
   if (!o.factors.empty()) {

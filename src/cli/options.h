@@ -37,6 +37,7 @@ struct Options {
   // patches
   size_t patches = 4000;
   double patchSize = 0;  // [scene units]; 0: from `patches`
+  double adapt = 0;      // error of H that constant patches may cost; 0: patches of one size
 
   // form factors
   std::string method = "auto";

@@ -17,6 +17,7 @@ json channels(const Rgb& c) {
 json optionsOf(const Options& o) {
   return {{"patches", o.patches},
           {"patch_size", o.patchSize},
+          {"adapt", o.adapt},
           {"method", o.method},
           {"resolution", o.resolution},
           {"projection", projectionName(o.projection)},
@@ -190,6 +191,7 @@ void writeReport(const std::string& path, const Report& r) {
                    {"relative_error", e.relativeError}};
   }
   j["estimated_error"] = r.estimatedError ? json(*r.estimatedError) : json(nullptr);
+  if (r.adapted) j["adapted"] = {{"tried", r.adapted->tried}, {"levels", r.adapted->levels}, {"predicted", r.adapted->predicted}};
   if (r.tolerance) {
     const ToleranceReport& t = *r.tolerance;
     const auto parts = [](const ErrorParts& e) {

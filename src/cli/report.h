@@ -60,6 +60,12 @@ struct ToleranceReport {
   double seconds = 0;  // choosing, form factors, light, solve and errors together
 };
 
+struct AdaptedReport {
+  size_t tried = 0;      // patches of the trial
+  uint32_t levels = 0;   // halvings between the largest patches and the smallest
+  double predicted = 0;  // what constant patches change in H, over its mean
+};
+
 struct Report {
   Options options;
   MethodSpec method;  // the one chosen
@@ -89,6 +95,7 @@ struct Report {
   size_t shadowRays = 0, sensors = 0;
   std::optional<double> estimatedError;  // of H, rms relative to its mean
   std::optional<ToleranceReport> tolerance;
+  std::optional<AdaptedReport> adapted;
   std::optional<ComparisonReport> comparison;
   std::optional<SolverComparison> solverComparison;
   std::optional<Solution> solution;  // figures only: without the vectors

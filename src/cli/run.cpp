@@ -3,6 +3,7 @@
 #include "base/error.h"
 #include "base/output_file.h"
 #include "chart/chart.h"
+#include "cli/adapting.h"
 #include "cli/chart_run.h"
 #include "cli/choices.h"
 #include "cli/comparison_text.h"
@@ -79,6 +80,7 @@ class Run {
             loadF();
           } else {
             chooseMethod();
+            if (options_.adapt > 0) adapt();
             if (options_.tolerance > 0)
               meetTolerance();
             else
@@ -300,6 +302,22 @@ class Run {
       area += a;
     }
     if (area > 0) report_.rowErrorMean /= area;
+  }
+
+  void adapt() {
+    const Adapting a = adaptTo(options_, scene_, facets_, *spec_);
+    options_.patchSize = report_.options.patchSize = a.size.size;
+    patches_ = buildPatches(scene_, facets_, a.size, a.adapted.tree);
+    methods_.patchesChanged();
+    countPatches();
+    report_.clock.finish("adapting");
+    if (a.tried == 0) {
+      say("patches: {} facets are too many to try smaller ones: all stay as large as --patch-size {}", facets_.facets.size(), options_.patchSize);
+      return;
+    }
+    report_.adapted = AdaptedReport{a.tried, a.adapted.tree.levels(), a.adapted.error};
+    say("patches: {} of {} sizes, from {} of a trial; constant patches are predicted to cost {:.2g} % of H", patches_.size(), a.adapted.tree.levels() + 1, a.tried,
+        100 * a.adapted.error);
   }
 
   void choosePlan() {

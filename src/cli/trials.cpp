@@ -7,11 +7,11 @@
 
 namespace farol {
 
-SizedScene::SizedScene(const Options& options, const Scene& scene, const FacetSet& facets, const PatchOptions& size)
+SizedScene::SizedScene(const Options& options, const Scene& scene, const FacetSet& facets, const PatchOptions& size, const PatchTree& tree)
     : options_(options),
       scene_(scene),
       facets_(facets),
-      patches_(buildPatches(scene, facets, size)),
+      patches_(buildPatches(scene, facets, size, tree)),
       log_(Log::silent()),
       methods_(options_, scene_, facets_, patches_, log_),
       lightings_(options_, facets_, methods_, log_) {}

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "cli/lighting.h"
+#include "solve/adaptive.h"
 
 namespace farol {
 
@@ -27,7 +28,7 @@ struct Trial {
 class SizedScene {
  public:
   // The references must outlive this.
-  SizedScene(const Options& options, const Scene& scene, const FacetSet& facets, const PatchOptions& size);
+  SizedScene(const Options& options, const Scene& scene, const FacetSet& facets, const PatchOptions& size, const PatchTree& tree = {});
 
   // With errors where `probes`, a number of rows to be made again, is not 0.
   Trial solve(const Setting& setting, size_t probes = 0);

@@ -200,13 +200,32 @@ std::vector<uint32_t> joinedCells(const PatchSet& patches, const FacetSet& facet
   return map;
 }
 
+uint32_t coarserCell(const CellGrid& grid, bool parallelogram, const Cell& cell, uint32_t steps) {
+  const CellGrid coarser{grid.nu >> steps, grid.nv >> steps, 0, kNone};
+  const Vec2 centre = parallelogram ? cellPoint(grid, true, cell, 0.5, 0.5) : cellPoint(grid, false, cell, 1.0 / 3, 1.0 / 3);
+  return cellAt(coarser, parallelogram, centre.x, centre.y);
+}
+
+std::array<uint32_t, 4> finerCells(const CellGrid& grid, bool parallelogram, uint32_t number) {
+  if (parallelogram) {
+    const uint32_t u = 2 * (number % grid.nu), v = 2 * (number / grid.nu), width = 2 * grid.nu;
+    return {v * width + u, v * width + u + 1, (v + 1) * width + u, (v + 1) * width + u + 1};
+  }
+  uint32_t v = 0;
+  while (triangleRow(grid.nu, v + 1) <= number) ++v;
+  const uint32_t place = number - triangleRow(grid.nu, v), u = place / 2, n = 2 * grid.nu;
+  const auto cell = [&](uint32_t i, uint32_t j, uint32_t inverted) { return triangleRow(n, j) + 2 * i + inverted; };
+  if (place % 2 == 0) return {cell(2 * u, 2 * v, 0), cell(2 * u, 2 * v, 1), cell(2 * u + 1, 2 * v, 0), cell(2 * u, 2 * v + 1, 0)};
+  return {cell(2 * u + 1, 2 * v, 1), cell(2 * u, 2 * v + 1, 1), cell(2 * u + 1, 2 * v + 1, 0), cell(2 * u + 1, 2 * v + 1, 1)};
+}
+
 PatchSet buildPatches(const Scene& scene, const FacetSet& facets, const PatchOptions& options) {
   std::vector<EdgeLengths> edges;
   for (const Facet& f : facets.facets) edges.push_back(edgeLengths(facets, f));
   const double size = options.size > 0 ? options.size / facets.frame.size
                                        : sizeForCount(facets, edges, targetCells(facets, options.count));
   constexpr double kMaxCells = 1u << 30;
-  if (const double count = countCells(facets, edges, size); count > kMaxCells) {
+  if (const double count = std::ldexp(countCells(facets, edges, size), 2 * static_cast<int>(options.levels)); count > kMaxCells) {
     throw Error("{}: a patch size of {} would make {:.3g} patches; at most {:.3g} are possible", scene.path,
                 size * facets.frame.size, count, kMaxCells);
   }
@@ -214,8 +233,8 @@ PatchSet buildPatches(const Scene& scene, const FacetSet& facets, const PatchOpt
   for (const Surface& s : scene.surfaces) set.media.push_back(mediumOf(scene.materials[s.material]));
   set.grids.resize(facets.facets.size());
   for (size_t i = 0; i < edges.size(); ++i) {
-    set.grids[i].nu = static_cast<uint32_t>(cellsAlong(edges[i].u, size));
-    set.grids[i].nv = static_cast<uint32_t>(cellsAlong(edges[i].v, size));
+    set.grids[i].nu = static_cast<uint32_t>(cellsAlong(edges[i].u, size)) << options.levels;
+    set.grids[i].nv = static_cast<uint32_t>(cellsAlong(edges[i].v, size)) << options.levels;
   }
   addCells(set, facets, false);
   set.frontPatchCount = set.cells.size();

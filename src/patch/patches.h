@@ -4,6 +4,7 @@
 
 #include "patch/facets.h"
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -75,6 +76,7 @@ struct PatchSet {
 struct PatchOptions {
   size_t count = 4000;  // about so many patches over the front sides, when size is 0
   double size = 0;      // longest cell edge [scene units]
+  uint32_t levels = 0;  // both are then those of a grid whose cells are halved so many times along every edge
 };
 
 // Throws Error when a reflectance exceeds 1 or the number of cells exceeds 2^31.
@@ -86,6 +88,11 @@ void mapCells(PatchSet& patches, const Scene& scene, const FacetSet& facets, std
 
 // The cell map that joins `along` by `along` cells of every facet's side to one patch: patches of about so many times the size.
 std::vector<uint32_t> joinedCells(const PatchSet& patches, const FacetSet& facets, uint32_t along);
+
+// The number of the cell of a grid with `steps` halvings fewer in which a cell lies.
+uint32_t coarserCell(const CellGrid& grid, bool parallelogram, const Cell& cell, uint32_t steps);
+// The four cells of the grid halved once more that lie in cell `number`.
+std::array<uint32_t, 4> finerCells(const CellGrid& grid, bool parallelogram, uint32_t number);
 
 // The cell size at which buildPatches makes about `count` patches [scene units].
 double sizeForPatches(const FacetSet& facets, size_t count);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <glm/vector_relational.hpp>
+#include <tbb/parallel_for.h>
 #include <unordered_set>
 
 namespace farol {
@@ -17,6 +18,16 @@ constexpr double kSmoothNormal = 0.99, kSmoothFold = 0.5;
 uint32_t nodeNumber(const CellGrid& g, bool parallelogram, uint32_t i, uint32_t j) {
   if (parallelogram) return j * (g.nu + 1) + i;
   return j * (g.nu + 1) - j * (j - 1) / 2 + i;  // rows of n+1, n, n-1, ... nodes; j (j - 1) is 0 for j = 0
+}
+
+// Calls `use` with the nodes at a cell's corners.
+template <typename Use>
+void forNodesOf(const CellGrid& g, bool parallelogram, const Cell& cell, Use&& use) {
+  const uint32_t i = cell.u, j = cell.v;
+  if (parallelogram || !cell.inverted) use(nodeNumber(g, parallelogram, i, j));
+  use(nodeNumber(g, parallelogram, i + 1, j));
+  use(nodeNumber(g, parallelogram, i, j + 1));
+  if (parallelogram || cell.inverted) use(nodeNumber(g, parallelogram, i + 1, j + 1));
 }
 
 // Value at (u,v) from the nodes of a grid: bilinear within a parallelogram's cell, linear within a triangle's.
@@ -47,7 +58,10 @@ class Builder {
  public:
   Builder(const Scene& scene, const FacetSet& facets, const PatchSet& patches, const FormFactorMatrix* f,
           const std::vector<Rgb>& irradiance)
-      : scene_(scene), facets_(facets), patches_(patches), f_(f), irradiance_(irradiance), welder_(kWeldTolerance) {}
+      : scene_(scene), facets_(facets), patches_(patches), f_(f), irradiance_(irradiance), welder_(kWeldTolerance) {
+    for (const uint32_t patch : patches.cellMap) cellValues_.push_back(patch == kNone ? Rgb(0) : irradiance[patch]);
+    for (uint32_t p = 0; p < patches.size(); ++p) mostCells_ = std::max(mostCells_, patches.cellsOf(p).size());
+  }
 
   void run(std::vector<uint32_t>& firstNode, std::vector<Rgb>& values) {
     groupByPlane();
@@ -57,6 +71,7 @@ class Builder {
       firstNode[side] = static_cast<uint32_t>(nodes_.size());
       addNodes(side / 2, side % 2 == 1);
     }
+    if (mostCells_ > 1) smooth(firstNode);
     values = valuesOfNodes();
     for (const Node& node : nodes_) {
       if (node.border) addAcrossBorder(node, firstNode, values);
@@ -107,7 +122,7 @@ class Builder {
         const Vec3 p = facets_.point(f, u, v);
         const double sign = back ? -1 : 1;
         const uint32_t cluster = clusterAt(p, sign * shadingNormal(f, u, v), sign * f.normal);
-        addCells(facet, back, u, v, clusters_[cluster].sum);
+        addCells(facet, back, u, v, clusters_[cluster].sum, cluster);
         const bool border = i == 0 || j == 0 || i == width || (f.parallelogram && j == g.nv);
         nodes_.push_back({cluster, facet, back, border, p});
       }
@@ -139,7 +154,7 @@ class Builder {
 
   // Adds the cells of a facet that touch (u,v), those a hair away, each by the angle at which it touches: a cell with
   // its corner there counts less than one with the middle of an edge.
-  void addCells(uint32_t facet, bool back, double u, double v, Sum& sum) const {
+  void addCells(uint32_t facet, bool back, double u, double v, Sum& sum, uint32_t cluster = kNone) {
     const Facet& f = facets_.facets[facet];
     const CellGrid& g = patches_.grids[facet];
     const double du = 0.01 / g.nu, dv = 0.01 / g.nv;
@@ -151,12 +166,67 @@ class Builder {
       const Vec2 step = direction * Vec2(du, dv);
       const double su = u + step.x, sv = v + step.y;
       if (su < 0 || sv < 0 || (f.parallelogram ? su > 1 || sv > 1 : su + sv > 1)) continue;
-      const uint32_t cell = cellAt(g, f.parallelogram, su, sv);
-      const uint32_t patch = patches_.cellMap[(back ? g.backCell : g.frontCell) + cell];
+      const uint32_t cell = (back ? g.backCell : g.frontCell) + cellAt(g, f.parallelogram, su, sv), patch = patches_.cellMap[cell];
       // Patches that lie inside a solid have no irradiance to show.
       const double weight = (f_ != nullptr ? f_->shares(patch).exposed : 1) / static_cast<double>(directions.size());
-      sum.value += weight * irradiance_[patch];
+      sum.value += weight * cellValues_[cell];
       sum.weight += weight;
+      if (cluster != kNone && mostCells_ > 1) touching_.push_back({cluster, cell, weight});
+    }
+  }
+
+  // Least and most irradiance of the patches that touch each patch, itself included.
+  std::vector<std::pair<Rgb, Rgb>> rangesAround() const {
+    const std::pair<Rgb, Rgb> none(Rgb(1e300), Rgb(-1e300));
+    std::vector<std::pair<Rgb, Rgb>> ofCluster(clusters_.size(), none), ofPatch(patches_.size(), none);
+    const auto widen = [](std::pair<Rgb, Rgb>& range, const Rgb& low, const Rgb& high) {
+      range.first = glm::min(range.first, low);
+      range.second = glm::max(range.second, high);
+    };
+    for (const Touch& t : touching_) {
+      if (t.weight > 0) widen(ofCluster[t.cluster], cellValues_[t.cell], cellValues_[t.cell]);
+    }
+    for (const Touch& t : touching_) widen(ofPatch[patches_.cellMap[t.cell]], ofCluster[t.cluster].first, ofCluster[t.cluster].second);
+    return ofPatch;
+  }
+
+  // Patches of many cells: their cells take what the nodes around them have, shifted so that the patch keeps its mean, and
+  // the nodes theirs again, until a slope has gone all the way across the largest patch. What lies outside of all that
+  // neighbours show would be an overshoot: such patches stay flatter.
+  void smooth(const std::vector<uint32_t>& firstNode) {
+    const std::vector<std::pair<Rgb, Rgb>> ranges = rangesAround();
+    constexpr size_t kMostRounds = 64;
+    const size_t rounds = std::min(kMostRounds, 4 * mostCells_);
+    for (size_t round = 0; round < rounds; ++round) {
+      const std::vector<Rgb> nodes = valuesOfNodes();
+      tbb::parallel_for(uint32_t{0}, static_cast<uint32_t>(patches_.size()), [&](uint32_t p) {
+        const auto cells = patches_.cellsOf(p);
+        Rgb mean(0);
+        double area = 0;
+        for (const uint32_t c : cells) {
+          const Cell& cell = patches_.cells[c];
+          const bool parallelogram = facets_.facets[cell.facet].parallelogram;
+          const uint32_t first = firstNode[2 * cell.facet + (cell.back ? 1 : 0)];
+          Rgb around(0);
+          double known = 0;  // nodes inside a solid show nothing
+          forNodesOf(patches_.grids[cell.facet], parallelogram, cell, [&](uint32_t node) {
+            if (clusters_[nodes_[first + node].cluster].sum.weight <= 0) return;
+            around += nodes[first + node];
+            known += 1;
+          });
+          if (known > 0) cellValues_[c] = around / known;
+          const double own = cellArea(facets_, patches_.grids[cell.facet], cell.facet);
+          mean += own * cellValues_[c];
+          area += own;
+        }
+        const Rgb shift = irradiance_[p] - mean / area;
+        for (const uint32_t c : cells) cellValues_[c] = glm::clamp(cellValues_[c] + shift, ranges[p].first, ranges[p].second);
+      });
+      for (Cluster& cluster : clusters_) cluster.sum = {};
+      for (const Touch& t : touching_) {
+        clusters_[t.cluster].sum.value += t.weight * cellValues_[t.cell];
+        clusters_[t.cluster].sum.weight += t.weight;
+      }
     }
   }
 
@@ -240,6 +310,13 @@ class Builder {
   std::vector<uint32_t> firstCluster_;  // per welded point
   std::vector<Cluster> clusters_;
   std::vector<Node> nodes_;
+  struct Touch {
+    uint32_t cluster, cell;
+    double weight;
+  };
+  std::vector<Rgb> cellValues_;
+  size_t mostCells_ = 1;  // of a patch
+  std::vector<Touch> touching_;
   std::unordered_set<uint64_t> seenAcross_;  // (cluster, facet) pairs that have been added
   std::vector<uint32_t> planeOf_;            // per facet
   std::vector<Plane> inPlane_;

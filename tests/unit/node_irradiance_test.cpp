@@ -1,8 +1,10 @@
 #include "solve/node_irradiance.h"
 
+#include "solve/adaptive.h"
 #include "test_scene.h"
 
 #include <gtest/gtest.h>
+#include <optional>
 
 namespace farol::test {
 namespace {
@@ -87,6 +89,49 @@ TEST(NodeIrradiance, KeepsCreasesSharp) {
   for (uint32_t facet = 0; facet < 2; ++facet) {
     for (const Vec2 uv : {Vec2(0, 0), Vec2(1, 0), Vec2(0, 1), Vec2(0.5, 0), Vec2(0, 0.5)})
       EXPECT_NEAR(f.at(facet, uv.x, uv.y), facet == 0 ? 1 : 5, 1e-12);
+  }
+}
+
+// A square of patches of three sizes.
+struct Sizes {
+  explicit Sizes(double (*value)(const Vec3&)) : scene(loadSurfaces({{"q", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}}})) {
+    Log log(true);
+    facets = buildFacets(scene, log);
+    PatchTree tree;
+    tree.split(0, false, 0, 0);
+    for (uint32_t quarter = 0; quarter < 4; ++quarter) tree.split(0, false, 1, quarter);
+    for (const uint32_t part : {0u, 5u, 6u, 10u}) tree.split(0, false, 2, part);
+    patches = buildPatches(scene, facets, {0, 10}, tree);
+    for (const Patch& p : patches.patches) irradiance.emplace_back(value(p.centre));
+    nodes.emplace(scene, facets, patches, nullptr, irradiance);
+  }
+  double at(double u, double v) const { return nodes->at(0, false, u, v).r; }
+  Scene scene;
+  FacetSet facets;
+  PatchSet patches;
+  std::vector<Rgb> irradiance;
+  std::optional<NodeIrradiance> nodes;
+};
+
+// Without smoothing, a slope within a large patch would be lost.
+TEST(NodeIrradiance, FollowsASlopeThroughPatchesOfManySizes) {
+  const Sizes s([](const Vec3& p) { return 1 + p.x; });
+  ASSERT_EQ(s.patches.size(), 28u);
+  const Vec3 origin = s.facets.frame.toScene(s.facets.point(s.facets.facets[0], 0, 0));
+  const double alongU = s.facets.frame.toScene(s.facets.point(s.facets.facets[0], 1, 0)).x - origin.x;
+  const double alongV = s.facets.frame.toScene(s.facets.point(s.facets.facets[0], 0, 1)).x - origin.x;
+  for (double u = 0.26; u < 0.75; u += 0.04) {
+    for (double v = 0.26; v < 0.75; v += 0.04) EXPECT_NEAR(s.at(u, v), 1 + origin.x + u * alongU + v * alongV, 0.025) << u << " " << v;
+  }
+}
+
+TEST(NodeIrradiance, DoesNotOvershootAtAStep) {
+  const Sizes s([](const Vec3& p) { return p.x + p.y < 1 ? 0.0 : 1.0; });
+  for (double u = 0; u <= 1; u += 0.01) {
+    for (double v = 0; v <= 1; v += 0.01) {
+      EXPECT_GE(s.at(u, v), -1e-12);
+      EXPECT_LE(s.at(u, v), 1 + 1e-12);
+    }
   }
 }
 

@@ -1,8 +1,10 @@
 #include "base/error.h"
 #include "patch/positions.h"
+#include "solve/adaptive.h"
 #include "test_scene.h"
 
 #include <gtest/gtest.h>
+#include <map>
 #include <set>
 
 namespace farol::test {
@@ -145,6 +147,47 @@ TEST(Gauss, RulesAreTheKnownOnes) {
   double sum = 0;
   for (const double w : gaussLegendre(31).weights) sum += w;
   EXPECT_NEAR(sum, 1, 1e-13);
+}
+
+// A cell's four parts lie in it, on parallelograms and triangles.
+TEST(Patches, CellsHaveFourPartsEach) {
+  for (const bool parallelogram : {true, false}) {
+    const CellGrid coarse{5, parallelogram ? 3u : 5u, 0, kNone}, fine{10, parallelogram ? 6u : 10u, 0, kNone};
+    std::vector<uint32_t> parent(fine.count(parallelogram), kNone);
+    for (uint32_t v = 0, number = 0; v < fine.nv; ++v) {
+      const uint32_t width = parallelogram ? fine.nu : 2 * (fine.nu - v) - 1;
+      for (uint32_t k = 0; k < width; ++k, ++number)
+        parent[number] = coarserCell(fine, parallelogram, {0, false, parallelogram ? k : k / 2, v, !parallelogram && k % 2 == 1}, 1);
+    }
+    std::set<uint32_t> seen;
+    for (uint32_t cell = 0; cell < coarse.count(parallelogram); ++cell) {
+      for (const uint32_t part : finerCells(coarse, parallelogram, cell)) {
+        EXPECT_EQ(parent.at(part), cell);
+        seen.insert(part);
+      }
+    }
+    EXPECT_EQ(seen.size(), parent.size());
+  }
+}
+
+// Splitting one node of a square and of a triangle, and one of its parts again.
+TEST(Patches, OfATreeCoverTheirFacets) {
+  Cut cut(loadSurfaces({{"square", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}}, {"triangle", {{{0, 0, 1}, {1, 0, 1}, {0, 1, 1}}}}}), {0, 10});
+  ASSERT_EQ(cut.facets.facets.size(), 2u);
+  PatchTree tree;
+  for (uint32_t facet = 0; facet < 2; ++facet) {
+    tree.split(facet, false, 0, 0);
+    tree.split(facet, false, 1, 1);
+  }
+  EXPECT_EQ(tree.levels(), 2u);
+  const PatchSet patches = buildPatches(cut.scene, cut.facets, {0, 10}, tree);
+  ASSERT_EQ(patches.size(), 14u);
+  std::map<uint32_t, std::multiset<double>> shares;
+  for (const Patch& p : patches.patches) shares[p.surface].insert(std::round(64 * p.area / (p.surface == 0 ? 1.0 : 0.5)));
+  for (const auto& [surface, found] : shares) {
+    EXPECT_EQ(found.count(16), 3u) << surface;
+    EXPECT_EQ(found.count(4), 4u) << surface;
+  }
 }
 
 }  // namespace

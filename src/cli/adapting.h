@@ -1,0 +1,17 @@
+// --adapt: patches of the sizes that a trial of the scene asks for.
+#pragma once
+
+#include "cli/trials.h"
+
+namespace farol {
+
+struct Adapting {
+  PatchOptions size;  // of the largest patches
+  AdaptedPatches adapted;
+  size_t tried = 0;   // patches of the trial
+};
+
+// Deterministic: the options alone decide. Scenes of more facets than a trial can halve twice keep a patch per cell.
+Adapting adaptTo(const Options& options, const Scene& scene, const FacetSet& facets, const MethodSpec& method);
+
+}  // namespace farol

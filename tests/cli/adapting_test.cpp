@@ -1,0 +1,114 @@
+// --adapt: patches of different sizes against patches of one size, on the same fine solution.
+#include "cli/adapting.h"
+#include "program.h"
+#include "test_scene.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+
+namespace farol::test {
+namespace {
+
+using nlohmann::json;
+using ::testing::HasSubstr;
+
+// An L-shaped room lit in one arm, and its solution on a fine grid that all trees divide.
+class LRoom {
+ public:
+  static constexpr uint32_t kFine = 4;
+
+  LRoom() : log_(true), scene_(loadScene(FAROL_SCENES "/l_room/l_room.gltf", log_)), facets_(buildFacets(scene_, log_)) {
+    options_.scene = scene_.path;
+    options_.adapt = 0.015;
+    setting_.spec.rays = 1024;
+    setting_.shadowRays = 256;
+    adapting_ = adaptTo(options_, scene_, facets_, setting_.spec);
+  }
+
+  PatchSet fine() const { return buildPatches(scene_, facets_, {0, adapting_.size.size, kFine}); }
+  const AdaptedPatches& adapted() const { return adapting_.adapted; }
+  SizedScene ofTree() const { return {options_, scene_, facets_, adapting_.size, adapting_.adapted.tree}; }
+  SizedScene ofLevel(uint32_t level) const { return {options_, scene_, facets_, {0, adapting_.size.size, level}}; }
+
+  std::vector<Rgb> solved(SizedScene& s) const { return s.solve(setting_).lighting.solution.irradiance; }
+
+  // Relative error of H of patches at `levels` halvings against means of the finest ones over them.
+  double errorOf(const PatchSet& patches, uint32_t levels, const std::vector<Rgb>& h, const PatchSet& fineSet, const std::vector<Rgb>& fineH) const {
+    std::vector<Rgb> sum(patches.size(), Rgb(0));
+    std::vector<double> area(patches.size(), 0.0);
+    Rgb total(0);
+    for (uint32_t c = 0; c < fineSet.cells.size(); ++c) {
+      const Cell& cell = fineSet.cells[c];
+      const CellGrid& grid = patches.grids[cell.facet];
+      // Of the finer of the two grids.
+      const uint32_t coarse = coarserCell(fineSet.grids[cell.facet], facets_.facets[cell.facet].parallelogram, cell, kFine - levels);
+      const uint32_t p = patches.cellMap[(cell.back ? grid.backCell : grid.frontCell) + coarse];
+      const double a = fineSet.patches[fineSet.cellMap[c]].area;
+      sum[p] += a * fineH[fineSet.cellMap[c]];
+      area[p] += a;
+      total += a * fineH[fineSet.cellMap[c]];
+    }
+    Rgb squares(0);
+    double all = 0;
+    for (size_t p = 0; p < patches.size(); ++p) {
+      const Rgb d = h[p] - sum[p] / area[p];
+      squares += area[p] * d * d;
+      all += area[p];
+    }
+    return maxChannel(glm::sqrt(squares / all) / (total / all));
+  }
+
+ private:
+  Log log_;
+  Scene scene_;
+  FacetSet facets_;
+  Options options_;
+  Setting setting_;
+  Adapting adapting_;
+};
+
+TEST(Adapting, NeedsFewerPatchesForTheSameError) {
+  const LRoom room;
+  ASSERT_LE(room.adapted().tree.levels(), LRoom::kFine);
+  SizedScene fine = room.ofLevel(LRoom::kFine), tree = room.ofTree(), uniform = room.ofLevel(2);
+  const std::vector<Rgb> h = room.solved(fine);
+  const double adapted = room.errorOf(tree.patches(), room.adapted().tree.levels(), room.solved(tree), fine.patches(), h);
+  const double ofOneSize = room.errorOf(uniform.patches(), 2, room.solved(uniform), fine.patches(), h);
+  fmt::print("{} adapted patches: {:.2f} % of H; {} of one size: {:.2f} %\n", tree.patches().size(), 100 * adapted, uniform.patches().size(), 100 * ofOneSize);
+  EXPECT_EQ(tree.patches().size(), room.adapted().patches);
+  EXPECT_LT(tree.patches().size(), 1.3 * static_cast<double>(uniform.patches().size()));
+  EXPECT_LT(adapted, 0.7 * ofOneSize);
+  EXPECT_LT(adapted, 0.015);
+}
+
+class AdaptCommand : public ::testing::Test {
+ protected:
+  std::string path(const std::string& name) const { return folder_.path(name); }
+  json report() const { return json::parse(readText(path("r.json"))); }
+  TemporaryFolder folder_;
+};
+
+TEST_F(AdaptCommand, EquivalentCommandGivesTheSameBytes) {
+  const std::string scene = FAROL_SCENES "/cornell_box/cornell_box.gltf";
+  const Outcome o = farol("solve " + scene + " --adapt 0.03 --patches-csv " + path("a.csv") + " --report " + path("r.json"));
+  ASSERT_EQ(o.exitCode, 0) << o.err;
+  EXPECT_THAT(o.out, HasSubstr("sizes, from"));
+  const json r = report();
+  EXPECT_GT(r["adapted"]["levels"].get<int>(), 1);
+  EXPECT_LT(r["counts"]["patches"].get<int>(), 400);
+  EXPECT_NEAR(r["adapted"]["predicted"].get<double>(), 0.03, 0.003);
+  const std::string command = r["equivalent_command"];
+  ASSERT_THAT(command, HasSubstr("--adapt 0.03"));
+  const std::string before = readText(path("a.csv"));
+  std::filesystem::remove(path("a.csv"));
+  ASSERT_EQ(farol(command.substr(command.find(' '))).exitCode, 0);
+  EXPECT_EQ(readText(path("a.csv")), before);
+}
+
+TEST_F(AdaptCommand, IsRefusedWherePatchesAreChosenOtherwise) {
+  const std::string solve = "solve " FAROL_SCENES "/cornell_box/cornell_box.gltf --adapt 0.02 ";
+  for (const char* other : {"--patches 100", "--tolerance 0.01", "--illumination local", "--factors F.npz"}) EXPECT_EQ(farol(solve + other).exitCode, 2) << other;
+}
+
+}  // namespace
+}  // namespace farol::test
