@@ -15,17 +15,11 @@ UnoccludedFactor::UnoccludedFactor(const FacetSet& facets, const PatchSet& patch
   for (uint32_t i = 0; i < patches.size(); ++i) {
     centres_.push_back(facets.frame.toUnit(patches.patches[i].centre));
     sizes_.push_back(std::sqrt(patches.patches[i].area) / facets.frame.size);
-    for (const uint32_t c : patches.cellsOf(i)) {
-      const Cell& cell = patches.cells[c];
-      const Facet& facet = facets.facets[cell.facet];
-      const auto corner = [&](double s, double t) {
-        const Vec2 uv = cellPoint(patches.grids[cell.facet], facet.parallelogram, cell, s, t);
-        return facets.point(facet, uv.x, uv.y);
-      };
-      std::vector<Vec3> polygon = {corner(0, 0), corner(1, 0)};
-      if (facet.parallelogram) polygon.push_back(corner(1, 1));
-      polygon.push_back(corner(0, 1));
-      if (cell.back) std::reverse(polygon.begin(), polygon.end());
+    for (const Piece& piece : piecesOf(facets, patches, i)) {
+      std::vector<Vec3> polygon = {piece.origin, piece.at(1, 0)};
+      if (!piece.triangle) polygon.push_back(piece.at(1, 1));
+      polygon.push_back(piece.at(0, 1));
+      if (patches.patches[i].back) std::reverse(polygon.begin(), polygon.end());
       for (const Vec3& v : polygon) radii_[i] = std::max(radii_[i], glm::distance(v, centres_[i]));
       polygons_[i].push_back(std::move(polygon));
     }
@@ -38,10 +32,10 @@ double UnoccludedFactor::operator()(uint32_t i, uint32_t j, int n) const {
     const double gap = glm::distance(centres_[i], centres_[j]) - radii_[i] - radii_[j], r = radii_[i];
     n = gap < 0.5 * r ? 16 : gap < 2 * r ? 8 : gap < 5 * r ? 5 : gap < 20 * r ? 3 : 2;
   }
-  // Gauss points need one cell; several cells take as many points of a sequence each.
-  const size_t cells = polygons_[i].size();
+  // Gauss points need one piece; several pieces take as many points of a sequence each.
+  const size_t pieces = polygons_[i].size();
   const auto points =
-      positionsOn(facets_, patches_, i, static_cast<int>(static_cast<size_t>(n * n) * (cells == 1 ? 1 : 4 * cells)), i);
+      positionsOn(facets_, patches_, i, static_cast<int>(static_cast<size_t>(n * n) * (pieces == 1 ? 1 : 4 * pieces)), i);
   return from(points, i, j);
 }
 

@@ -189,29 +189,22 @@ TileRays::TileRays(const FacetSet& facets, const PatchSet& patches, const Sample
     memberOf_[seatOf(facets, patches, patch, options.seed).block] = m;
     Member& member = members_[m];
     double total = 0, shortest = 1;
-    for (const uint32_t c : patches.cellsOf(patch)) {
-      const Cell& cell = patches.cells[c];
-      const Facet& facet = facets.facets[cell.facet];
-      const auto corner = [&](double s, double t) {
-        const Vec2 uv = cellPoint(patches.grids[cell.facet], facet.parallelogram, cell, s, t);
-        return facets.point(facet, uv.x, uv.y);
-      };
-      const Vec3 origin = corner(0, 0), u = corner(1, 0) - origin, v = corner(0, 1) - origin;
-      total += cellArea(facets, patches.grids[cell.facet], cell.facet);
-      shortest = std::min({shortest, glm::length(u), glm::length(v)});
-      member.cells.push_back({origin + facet.rayOffset * n, u, v, static_cast<float>(total), !facet.parallelogram});
+    for (const Piece& piece : piecesOf(facets, patches, patch)) {
+      total += piece.area;
+      shortest = std::min({shortest, glm::length(piece.u), glm::length(piece.v)});
+      member.pieces.push_back({piece.origin + facets.facets[piece.facet].rayOffset * n, piece.u, piece.v, static_cast<float>(total), piece.triangle});
     }
-    for (Span& c : member.cells) c.end /= static_cast<float>(total);
+    for (Span& c : member.pieces) c.end /= static_cast<float>(total);
     // Origins keep clear of the edges, beyond which rounding could put them.
     member.margin = static_cast<float>(std::min(0.01, 2 * kRayOffset / shortest));
-    alike_ &= member.cells.size() == 1 && !member.cells[0].triangle && spread_;
+    alike_ &= member.pieces.size() == 1 && !member.pieces[0].triangle && spread_;
   }
 }
 
 void TileRays::place(const Member& member, float s, float t, uint32_t lane, RayPacket& rays) const {
-  const Span* c = member.cells.data();
-  if (member.cells.size() > 1) {  // t also chooses the cell, by area
-    const Span* last = c + member.cells.size() - 1;
+  const Span* c = member.pieces.data();
+  if (member.pieces.size() > 1) {  // t also chooses the cell, by area
+    const Span* last = c + member.pieces.size() - 1;
     float start = 0;
     for (; c < last && t >= c->end; ++c) start = c->end;
     t = std::clamp((t - start) / (c->end - start), 0.0f, 1.0f);
@@ -268,12 +261,12 @@ uint32_t TileRays::next(RayPacket& rays, std::array<uint32_t, kPacketSize>& memb
   turnDirections({tangent_, bitangent_, normal_}, x, y, z, rays);
   if (alike_) {
     for (uint32_t k = 0; k < kPacketSize; ++k) {
-      const glm::vec3& corner = members_[member[k]].cells[0].origin;
+      const glm::vec3& corner = members_[member[k]].pieces[0].origin;
       rays.ox[k] = corner.x;
       rays.oy[k] = corner.y;
       rays.oz[k] = corner.z;
     }
-    const Span& c = members_[0].cells[0];
+    const Span& c = members_[0].pieces[0];
     spreadOrigins(c.u, c.v, members_[0].margin, {shiftS_, shiftT_}, s, t, rays);
   } else {
     for (uint32_t k = 0; k < lanes; ++k)

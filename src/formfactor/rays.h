@@ -77,13 +77,13 @@ class TileRays {
   uint32_t next(RayPacket& rays, std::array<uint32_t, kPacketSize>& member);
 
  private:
-  struct Span {  // one cell: origin + s u + t v
+  struct Span {  // one piece: origin + s u + t v
     glm::vec3 origin, u, v;
-    float end;  // share of the patch's area up to this cell's end
+    float end;  // share of the patch's area up to its end
     bool triangle;
   };
   struct Member {
-    std::vector<Span> cells;
+    std::vector<Span> pieces;
     float margin = 0;
   };
   void place(const Member& member, float s, float t, uint32_t lane, RayPacket& rays) const;
@@ -91,7 +91,7 @@ class TileRays {
   const SampleTable& table_;
   uint32_t at_, end_;
   bool together_, spread_;
-  bool alike_;  // every member is one cell with the same sides
+  bool alike_;  // every member is one piece with the same sides
   float shiftS_, shiftT_;
   glm::vec3 tangent_, bitangent_, normal_;
   std::array<uint32_t, SampleTable::kBlocks> memberOf_;  // by block; kNone where nobody sits

@@ -21,7 +21,8 @@ struct DirectIrradiance::Receiver {
   Vec3 normal{0}, centre{0};
   double radius = 0, offset = kRayOffset;
   std::vector<Position> points;  // for closed forms
-  uint32_t patch = kNone;        // origins are spread over it; kNone: all at the centre
+  uint32_t patch = kNone;
+  std::vector<Piece> pieces;  // of the patch: origins are spread over them; none: all at the centre
   bool partlyCovered = false;
   uint32_t block = 0;
   uint64_t seed = 0;
@@ -67,9 +68,9 @@ DirectIrradiance::Receiver DirectIrradiance::receiverOf(uint32_t patch, double e
   const TileSeat seat = seatOf(facets_, patches_, patch, options_.seed);
   r.block = seat.block;
   r.seed = mixBits(static_cast<uint64_t>(seat.turn * 1e15));
-  const bool oneCell = patches_.cellsOf(patch).size() == 1;
   r.partlyCovered = exposed < 1;
-  r.points = positionsOn(facets_, patches_, patch, r.partlyCovered ? 64 : oneCell ? 4 : 16, r.seed);
+  r.pieces = piecesOf(facets_, patches_, patch);
+  r.points = positionsOn(facets_, patches_, patch, r.partlyCovered ? 64 : r.pieces.size() == 1 ? 4 : 16, r.seed);
   if (r.partlyCovered) r.points = exposedPositions(tracer_, facets_, r.points, r.normal);
   return r;
 }
@@ -90,7 +91,7 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
     const bool cut = std::abs(glm::dot(lamp.normal, r.centre - lamp.centre)) < r.radius;  // by the lamp's plane
     if ((!isNear && !cut) || r.partlyCovered || r.patch == kNone) return r.points;
     if (morePoints.empty())
-      morePoints = positionsOn(facets_, patches_, r.patch, patches_.cellsOf(r.patch).size() == 1 ? 36 : 64, r.seed);
+      morePoints = positionsOn(facets_, patches_, r.patch, r.pieces.size() == 1 ? 36 : 64, r.seed);
     return morePoints;
   };
   const auto add = [&](const Lamp* lamp, const PunctualLight* light, const Rgb& irradiance) {
@@ -120,38 +121,18 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
   Estimate e;
   if (sources.empty()) return e;
 
-  // The patch's cells as corner and sides, chosen with equal chances.
-  struct Span {
-    Vec3 origin, u, v;
-    bool triangle;
-  };
-  std::vector<Span> cells;
-  if (r.patch != kNone) {
-    for (const uint32_t c : patches_.cellsOf(r.patch)) {
-      const Cell& cell = patches_.cells[c];
-      const Facet& facet = facets_.facets[cell.facet];
-      const auto corner = [&](double s, double t) {
-        const Vec2 uv = cellPoint(patches_.grids[cell.facet], facet.parallelogram, cell, s, t);
-        return facets_.point(facet, uv.x, uv.y);
-      };
-      const Vec3 origin = corner(0, 0);
-      cells.push_back({origin, corner(1, 0) - origin, corner(0, 1) - origin, !facet.parallelogram});
-    }
-  }
   const double margin = std::min(0.01, 2 * kRayOffset / std::max(r.radius, 1e-9));
   const auto originOf = [&](double s, double t) {
-    if (cells.empty()) return r.centre;
-    t *= static_cast<double>(cells.size());
-    const size_t at = std::min(static_cast<size_t>(t), cells.size() - 1);
+    if (r.pieces.empty()) return r.centre;
+    t *= static_cast<double>(r.pieces.size());  // chosen with equal chances
+    const size_t at = std::min(static_cast<size_t>(t), r.pieces.size() - 1);
     t -= static_cast<double>(at);
-    const Span& cell = cells[at];
-    if (cell.triangle && s + t > 1) {
+    const Piece& piece = r.pieces[at];
+    if (piece.triangle && s + t > 1) {
       s = 1 - s;
       t = 1 - t;
     }
-    s = std::clamp(s, margin, 1 - margin);
-    t = std::clamp(t, margin, 1 - margin);
-    return cell.origin + s * cell.u + t * cell.v;
+    return piece.at(std::clamp(s, margin, 1 - margin), std::clamp(t, margin, 1 - margin));
   };
   const auto pointOn = [](const Lamp& lamp, double a, double b) {
     const std::vector<Vec3>& v = lamp.polygon;

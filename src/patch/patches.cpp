@@ -219,6 +219,55 @@ std::array<uint32_t, 4> finerCells(const CellGrid& grid, bool parallelogram, uin
   return {cell(2 * u + 1, 2 * v, 1), cell(2 * u, 2 * v + 1, 1), cell(2 * u + 1, 2 * v + 1, 0), cell(2 * u + 1, 2 * v + 1, 1)};
 }
 
+std::vector<Piece> piecesOf(const FacetSet& facets, const PatchSet& patches, uint32_t patch) {
+  const auto cells = patches.cellsOf(patch);
+  const Cell& first = patches.cells[cells[0]];
+  const CellGrid& grid = patches.grids[first.facet];
+  const Facet& facet = facets.facets[first.facet];
+  // From (u,v) as cells count, `du` and `dv` cells along; both below 0 for inverted triangles.
+  const auto piece = [&](const Facet& f, uint32_t number, const CellGrid& g, double u, double v, double du, double dv, size_t count) {
+    const auto point = [&](double x, double y) { return facets.point(f, x / g.nu, y / g.nv); };
+    const Vec3 origin = point(u, v);
+    return Piece{origin, point(u + du, v) - origin, point(u, v + dv) - origin, !f.parallelogram, number,
+                 static_cast<double>(count) * cellArea(facets, g, number)};
+  };
+  const auto single = [&](const Cell& c) {
+    const CellGrid& g = patches.grids[c.facet];
+    const double step = c.inverted ? -1 : 1, shift = c.inverted ? 1 : 0;
+    return piece(facets.facets[c.facet], c.facet, g, c.u + shift, c.v + shift, step, step, 1);
+  };
+  if (cells.size() == 1) return {single(first)};
+
+  uint32_t lowU = first.u, lowV = first.v, highU = first.u, highV = first.v;
+  bool oneFacet = true;
+  for (const uint32_t c : cells) {
+    const Cell& cell = patches.cells[c];
+    oneFacet &= cell.facet == first.facet && cell.back == first.back;
+    lowU = std::min(lowU, cell.u);
+    lowV = std::min(lowV, cell.v);
+    highU = std::max(highU, cell.u);
+    highV = std::max(highV, cell.v);
+  }
+  const double along = highU + 1.0 - lowU, across = highV + 1.0 - lowV;
+  const auto count = static_cast<double>(cells.size());
+  if (oneFacet && facet.parallelogram && along * across == count)
+    return {piece(facet, first.facet, grid, lowU, lowV, along, across, cells.size())};
+  if (oneFacet && !facet.parallelogram && along == across && along * along == count) {
+    bool upright = true, inverted = true;  // as many cells as a triangle of that side has, all of them in it
+    for (const uint32_t c : cells) {
+      const Cell& cell = patches.cells[c];
+      const double beyond = (cell.u - lowU) + (cell.v - lowV) + (cell.inverted ? 4.0 : 2.0) / 3;  // of a cell's centre
+      upright &= beyond < along;
+      inverted &= 2 * along - beyond < along;
+    }
+    if (upright) return {piece(facet, first.facet, grid, lowU, lowV, along, along, cells.size())};
+    if (inverted) return {piece(facet, first.facet, grid, highU + 1.0, highV + 1.0, -along, -along, cells.size())};
+  }
+  std::vector<Piece> pieces;
+  for (const uint32_t c : cells) pieces.push_back(single(patches.cells[c]));
+  return pieces;
+}
+
 PatchSet buildPatches(const Scene& scene, const FacetSet& facets, const PatchOptions& options) {
   std::vector<EdgeLengths> edges;
   for (const Facet& f : facets.facets) edges.push_back(edgeLengths(facets, f));

@@ -107,6 +107,18 @@ uint32_t cellAt(const CellGrid& grid, bool parallelogram, double u, double v);
 // s,t >= 0, s + t <= 1.
 Vec2 cellPoint(const CellGrid& grid, bool parallelogram, const Cell& cell, double s, double t);
 
+// A parallelogram or triangle: corner and sides.
+struct Piece {
+  Vec3 origin{0}, u{0}, v{0};  // [unit coordinates]
+  bool triangle = false;
+  uint32_t facet = 0;
+  double area = 0;  // [scene units squared]
+
+  Vec3 at(double s, double t) const { return origin + s * u + t * v; }  // triangles: s + t <= 1
+};
+// What a patch is made of: one piece where its cells make up one cell of a coarser grid, or else each of its cells.
+std::vector<Piece> piecesOf(const FacetSet& facets, const PatchSet& patches, uint32_t patch);
+
 // Area of one cell of a facet [scene units squared].
 double cellArea(const FacetSet& facets, const CellGrid& grid, uint32_t facet);
 

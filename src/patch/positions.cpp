@@ -3,45 +3,36 @@
 namespace farol {
 namespace {
 
-// Point (s,t) of a cell in unit coordinates. For triangles the square is folded onto s + t <= 1.
-Vec3 pointOf(const FacetSet& facets, const PatchSet& patches, const Cell& cell, double s, double t) {
-  const Facet& facet = facets.facets[cell.facet];
-  if (!facet.parallelogram && s + t > 1) {
-    s = 1 - s;
-    t = 1 - t;
-  }
-  const Vec2 uv = cellPoint(patches.grids[cell.facet], facet.parallelogram, cell, s, t);
-  return facets.point(facet, uv.x, uv.y);
+// Point (s,t) of a piece. For triangles the square is folded onto s + t <= 1.
+Vec3 pointOf(const Piece& piece, double s, double t) {
+  return piece.triangle && s + t > 1 ? piece.at(1 - s, 1 - t) : piece.at(s, t);
 }
 
-std::vector<Position> gaussPositions(const FacetSet& facets, const PatchSet& patches, const Cell& cell, int n) {
+std::vector<Position> gaussPositions(const Piece& piece, int n) {
   static thread_local std::vector<GaussRule> rules(65);  // made once per thread: they cost more than the points
   GaussRule& rule = rules[std::min<size_t>(static_cast<size_t>(n), 64)];
   if (rule.nodes.size() != static_cast<size_t>(n)) rule = gaussLegendre(n);
-  const bool triangle = !facets.facets[cell.facet].parallelogram;
   std::vector<Position> result;
   for (size_t j = 0; j < rule.nodes.size(); ++j) {
     for (size_t i = 0; i < rule.nodes.size(); ++i) {
       double s = rule.nodes[i], weight = rule.weights[i] * rule.weights[j];
       const double t = rule.nodes[j];
-      if (triangle) {  // collapse the side t = 1 to a point; the Jacobian is 2 (1 - t) per unit of area
+      if (piece.triangle) {  // collapse the side t = 1 to a point; the Jacobian is 2 (1 - t) per unit of area
         s *= 1 - t;
         weight *= 2 * (1 - t);
       }
-      result.push_back({pointOf(facets, patches, cell, s, t), weight});
+      result.push_back({pointOf(piece, s, t), weight});
     }
   }
   return result;
 }
 
-// Of the centres of a patch's cells the one nearest to the patch's centroid, which may lie outside of the patch.
-Vec3 centreNearest(const FacetSet& facets, const PatchSet& patches, uint32_t patch) {
-  const Vec3 centroid = facets.frame.toUnit(patches.patches[patch].centre);
+// Of the centres of a patch's pieces the one nearest to the patch's centroid, which may lie outside of the patch.
+Vec3 centreNearest(const Vec3& centroid, std::span<const Piece> pieces) {
   Vec3 nearest(1e300);
-  for (const uint32_t c : patches.cellsOf(patch)) {
-    const Cell& cell = patches.cells[c];
-    const double middle = facets.facets[cell.facet].parallelogram ? 0.5 : 1.0 / 3;
-    const Vec3 centre = pointOf(facets, patches, cell, middle, middle);
+  for (const Piece& piece : pieces) {
+    const double middle = piece.triangle ? 1.0 / 3 : 0.5;
+    const Vec3 centre = piece.at(middle, middle);
     if (glm::distance(centre, centroid) < glm::distance(nearest, centroid)) nearest = centre;
   }
   return nearest;
@@ -72,30 +63,25 @@ GaussRule gaussLegendre(int n) {
 
 std::vector<Position> positionsOn(const FacetSet& facets, const PatchSet& patches, uint32_t patch, int count,
                                   uint64_t seed) {
-  if (count == 1) return {{centreNearest(facets, patches, patch), 1.0}};
-  const auto cells = patches.cellsOf(patch);
-  if (cells.size() == 1) {
+  const std::vector<Piece> pieces = piecesOf(facets, patches, patch);
+  if (count == 1) return {{centreNearest(facets.frame.toUnit(patches.patches[patch].centre), pieces), 1.0}};
+  if (pieces.size() == 1) {
     const int root = static_cast<int>(std::lround(std::sqrt(count)));
-    if (root * root == count) return gaussPositions(facets, patches, patches.cells[cells[0]], root);
+    if (root * root == count) return gaussPositions(pieces[0], root);
   }
   double total = 0;
-  for (const uint32_t c : cells)
-    total += cellArea(facets, patches.grids[patches.cells[c].facet], patches.cells[c].facet);
+  for (const Piece& piece : pieces) total += piece.area;
   constexpr double kPlastic = 1.32471795724474602596;  // root of x^3 = x + 1
   const double shiftS = unitFromBits(mixBits(seed)), shiftT = unitFromBits(mixBits(seed + 1));
   std::vector<Position> result;
   size_t at = 0;
-  double before = 0;  // area of the cells before `at`
+  double before = 0;  // area of the pieces before `at`
   for (int k = 0; k < count; ++k) {
     const double area = (k + 0.5) / count * total;
-    const auto areaOf = [&](size_t i) {
-      const uint32_t facet = patches.cells[cells[i]].facet;
-      return cellArea(facets, patches.grids[facet], facet);
-    };
-    while (at + 1 < cells.size() && before + areaOf(at) < area) before += areaOf(at++);
+    while (at + 1 < pieces.size() && before + pieces[at].area < area) before += pieces[at++].area;
     const double s = std::fmod(shiftS + (k + 1) / kPlastic, 1.0);
     const double t = std::fmod(shiftT + (k + 1) / (kPlastic * kPlastic), 1.0);
-    result.push_back({pointOf(facets, patches, patches.cells[cells[at]], s, t), 1.0 / count});
+    result.push_back({pointOf(pieces[at], s, t), 1.0 / count});
   }
   return result;
 }

@@ -12,9 +12,9 @@ struct Position {
   double weight = 0;  // the weights of a patch sum to 1
 };
 
-// `count` positions over patch i. One is the centroid, or the centre of the cell nearest to it; a square number on a
-// patch of one cell is a product Gauss rule (on triangles in collapsed coordinates: Stroud 1971); anything else is the
-// R2 sequence (Roberts 2018) spread over the patch's cells by area, shifted per patch by `seed`.
+// `count` positions over patch i. One is the centroid, or the centre of the piece nearest to it; a square number on a
+// patch of one piece is a product Gauss rule (on triangles in collapsed coordinates: Stroud 1971); anything else is the
+// R2 sequence (Roberts 2018) spread over the patch's pieces by area, shifted per patch by `seed`.
 std::vector<Position> positionsOn(const FacetSet& facets, const PatchSet& patches, uint32_t patch, int count,
                                   uint64_t seed);
 

@@ -175,7 +175,8 @@ class Builder {
     }
   }
 
-  // Least and most irradiance of the patches that touch each patch, itself included.
+  // What the cells of each patch may show: from the least to the most irradiance of the patches that touch it, and a little
+  // more.
   std::vector<std::pair<Rgb, Rgb>> rangesAround() const {
     const std::pair<Rgb, Rgb> none(Rgb(1e300), Rgb(-1e300));
     std::vector<std::pair<Rgb, Rgb>> ofCluster(clusters_.size(), none), ofPatch(patches_.size(), none);
@@ -187,12 +188,14 @@ class Builder {
       if (t.weight > 0) widen(ofCluster[t.cluster], cellValues_[t.cell], cellValues_[t.cell]);
     }
     for (const Touch& t : touching_) widen(ofPatch[patches_.cellMap[t.cell]], ofCluster[t.cluster].first, ofCluster[t.cluster].second);
+    constexpr double kSlope = 1.5;  // that the darkest and the brightest of all neighbours may have
+    for (size_t p = 0; p < ofPatch.size(); ++p) widen(ofPatch[p], irradiance_[p] / kSlope, irradiance_[p] * kSlope);
     return ofPatch;
   }
 
   // Patches of many cells: their cells take what the nodes around them have, shifted so that the patch keeps its mean, and
-  // the nodes theirs again, until a slope has gone all the way across the largest patch. What lies outside of all that
-  // neighbours show would be an overshoot: such patches stay flatter.
+  // the nodes theirs again, until a slope has gone all the way across the largest patch. What is far outside of all that the
+  // patch and its neighbours have would be an overshoot: such patches stay flatter.
   void smooth(const std::vector<uint32_t>& firstNode) {
     const std::vector<std::pair<Rgb, Rgb>> ranges = rangesAround();
     constexpr size_t kMostRounds = 64;
