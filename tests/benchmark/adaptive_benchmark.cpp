@@ -93,8 +93,8 @@ int main(int argc, char** argv) {
       const size_t at = k + 1 < lines.size() ? k + 1 : 0;
       const HError own = errorOf(lines[k].own, *sets[at == 0 ? 0 : at], at == 0 ? truth.back() : truth[at]);
       const HError shown = errorOf(lines[k].shown, grid, truth[0]);
-      fmt::print("| {} | {} | {:.3f} | {:.3f} | {:.3f} | {:.3f} | {:.3f} |\n", lines[k].scene->patches().size(), lines[k].what, 100 * own.error, 100 * own.noise, 100 * shown.error,
-                 100 * shown.noise, 100 * lines[k].predicted);
+      fmt::print("| {} | {} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {} |\n", lines[k].scene->patches().size(), lines[k].what, 100 * own.error, 100 * own.noise, 100 * shown.error,
+                 100 * shown.noise, lines[k].predicted > 0 ? fmt::format("{:.2f}", 100 * lines[k].predicted) : "");
     }
   }
 }
