@@ -98,6 +98,7 @@ std::vector<Family> familiesFor(const Scene& scene, const FacetSet& facets, cons
 
 std::string optionsText(const PatchOptions& size, const Setting& s, uint64_t seed) {
   std::string text = size.size > 0 ? fmt::format("--patch-size {}", size.size) : fmt::format("--patches {}", size.count);
+  if (size.cluster > 0) text += fmt::format(" --cluster {}", size.cluster);
   text += fmt::format(" --method {}", methodName(s.spec.kind));
   if (s.spec.hemicubes()) {
     text += fmt::format(" --resolution {} --projection {} --positions {} --near-field {}", s.spec.resolution, projectionName(s.spec.projection),
@@ -176,7 +177,9 @@ class Measurement {
   // The finest first; coarser ones where they have fewer patches.
   void cut() {
     for (const double part : {1.0, 4.0, 16.0}) {
-      const PatchOptions size{static_cast<size_t>(static_cast<double>(options_.patches) / part), options_.patchSize * std::sqrt(part)};
+      PatchOptions size = patchOptionsOf(options_);
+      size.count = static_cast<size_t>(static_cast<double>(size.count) / part);
+      size.size *= std::sqrt(part);
       if (size.size == 0 && size.count < 1) continue;
       auto scene = std::make_unique<SizedScene>(options_, scene_, facets_, size);
       if (!scenes_.empty() && scene->patches().size() * 10 > scenes_.back()->patches().size() * 9) continue;

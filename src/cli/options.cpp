@@ -59,6 +59,9 @@ void addPatches(CLI::App* app, Options& o) {
           "LENGTH"))
       ->excludes(count)
       ->group("Patches");
+  app->add_option("--cluster", o.cluster, "Gather facets smaller than a patch into patches where they turn by no more than so many degrees; 0: a patch each")
+      ->check(inRange<double>(0, 60))
+      ->group("Patches");
 }
 
 void addPaths(CLI::App* app, Options& o) {
@@ -233,13 +236,15 @@ void chooseTolerance(Options& o) {
   constexpr double kUsual = 0.01;
   const bool kept = !o.factors.empty() || !o.variants.empty() || o.localIllumination;
   if (o.gave("--adapt") && kept) throw UsageError("--adapt chooses patches before F is made: it does not go with --factors, --variants or --illumination local");
+  if (o.gave("--cluster") && (o.gave("--tolerance") || o.gave("--adapt")))
+    throw UsageError("--cluster makes patches of several facets: it does not go with --tolerance or --adapt, which make them of one size or smaller");
   if (o.gave("--adapt") && o.gave("--tolerance")) throw UsageError("--adapt and --tolerance both choose patches: one of them is enough");
   if (o.gave("--tolerance")) {
     if (kept) throw UsageError("--tolerance chooses how F is made: it does not go with --factors, --variants or --illumination local");
     return;
   }
   if (kept || (o.command != Command::render && o.command != Command::solve && o.command != Command::info)) return;
-  for (const char* own : {"--patches", "--patch-size", "--adapt", "--method", "--resolution", "--projection", "--positions", "--rays", "--near-field", "--emitters",
+  for (const char* own : {"--patches", "--patch-size", "--cluster", "--adapt", "--method", "--resolution", "--projection", "--positions", "--rays", "--near-field", "--emitters",
                           "--shadow-rays"}) {
     if (o.gave(own)) return;
   }
@@ -420,6 +425,7 @@ std::string explicitCommand(const Options& o, const MethodSpec& method) {
     add("--patch-size", o.patchSize);
   else
     add("--patches", o.patches);
+  if (o.cluster > 0) add("--cluster", o.cluster);
   if (o.adapt > 0) add("--adapt", o.adapt);
   if (!o.factors.empty()) add("--factors", o.factors);
   else if (o.command != Command::compare) add("--method", methodName(method.kind));

@@ -37,6 +37,7 @@ struct Options {
   // patches
   size_t patches = 4000;
   double patchSize = 0;  // [scene units]; 0: from `patches`
+  double cluster = 0;    // facets smaller than a patch are gathered up to this turn [degrees]; 0: not
   double adapt = 0;      // error of H that constant patches may cost; 0: patches of one size
 
   // form factors
@@ -84,6 +85,12 @@ struct Options {
   std::string sensors, sensorsOut;  // empty output: the input's name with .out.csv
   bool quiet = false;
 };
+
+inline PatchOptions patchOptionsOf(const Options& o) {
+  PatchOptions p{o.patches, o.patchSize};
+  p.cluster = o.cluster;
+  return p;
+}
 
 // Throws UsageError with one sentence. `handled` is true when --help or --version has printed and nothing is left to
 // do.

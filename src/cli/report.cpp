@@ -17,6 +17,7 @@ json channels(const Rgb& c) {
 json optionsOf(const Options& o) {
   return {{"patches", o.patches},
           {"patch_size", o.patchSize},
+          {"cluster", o.cluster},
           {"adapt", o.adapt},
           {"method", o.method},
           {"resolution", o.resolution},

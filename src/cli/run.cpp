@@ -120,6 +120,7 @@ class Run {
     }
     options_.patches = report_.options.patches = p.count;
     options_.patchSize = report_.options.patchSize = p.size;
+    options_.cluster = report_.options.cluster = p.cluster;
     spec_ = parseMethod(kept_->about().method);
     spec_->seed = kept_->about().seed;
     report_.why = fmt::format("kept in {}", options_.factors);
@@ -127,14 +128,14 @@ class Run {
 
   void cut() {
     facets_ = buildFacets(scene_, log_);
-    patches_ = buildPatches(scene_, facets_, {options_.patches, options_.patchSize});
+    patches_ = buildPatches(scene_, facets_, patchOptionsOf(options_));
     if (kept_) kept_->requireSame(fingerprintOf(facets_, patches_), options_.scene);
     report_.facets = facets_.facets.size();
     report_.degenerate = facets_.degenerate;
     report_.duplicate = facets_.duplicate;
     report_.welded = facets_.welded;
-    if (options_.patchSize == 0 && facets_.facets.size() > options_.patches / 2) {
-      log_.note(fmt::format("{} facets need at least a patch each: {} patches instead of about {}",
+    if (options_.patchSize == 0 && options_.cluster == 0 && facets_.facets.size() > options_.patches / 2) {
+      log_.note(fmt::format("{} facets need at least a patch each: {} patches instead of about {}; --cluster 15 gathers small ones",
                             facets_.facets.size(), patches_.frontPatchCount, options_.patches));
     }
     countPatches();
@@ -339,7 +340,7 @@ class Run {
     options_.resolution = spec_->resolution;
     options_.positions = spec_->positions;
     report_.options = options_;
-    patches_ = buildPatches(scene_, facets_, {options_.patches, options_.patchSize});
+    patches_ = buildPatches(scene_, facets_, patchOptionsOf(options_));
     methods_.patchesChanged();
     countPatches();
   }
@@ -466,7 +467,7 @@ class Run {
   // The scene as the variant has it; patches keep their places.
   void change(const Scene& base, const Variant& variant) {
     scene_ = changed(base, variant);
-    patches_ = buildPatches(scene_, facets_, {options_.patches, options_.patchSize});
+    patches_ = buildPatches(scene_, facets_, patchOptionsOf(options_));
   }
 
   void solveVariants() {
@@ -477,7 +478,7 @@ class Run {
     if (units.size() >= alike) units.clear();  // not worth it
     std::vector<Lighting> made;
     for (const UnitLighting& unit : units) {
-      const PatchSet patches = buildPatches(unit.scene, facets_, {options_.patches, options_.patchSize});
+      const PatchSet patches = buildPatches(unit.scene, facets_, patchOptionsOf(options_));
       made.push_back(lightings_.make(unit.scene, patches, unit.material ? Rgb(0) : options_.sky, *f_, *spec_, replicates_, solveDevice_));
       leaveFailedDevice(made.back().solution);
     }
@@ -753,7 +754,7 @@ class Run {
         writeFactorsBySurface(options_.output, scene_, patches_, *f_);
       else if (options_.output.ends_with(".npz"))
         writeFactorsNpz(options_.output, *f_, patches_,
-                        {methodText(*spec_), spec_->seed, {options_.patches, options_.patchSize},
+                        {methodText(*spec_), spec_->seed, patchOptionsOf(options_),
                          fingerprintOf(facets_, patches_)},
                         replicates_.patches, replicates_.rows ? &*replicates_.rows : nullptr);
       else if (options_.output.ends_with(".npy"))

@@ -178,7 +178,8 @@ TileRays::TileRays(const FacetSet& facets, const PatchSet& patches, const Sample
   at_ = together_ ? 0 : seat.block * table.samples;
   end_ = together_ ? SampleTable::kBlocks * table.samples : at_ + table.samples;
   const Vec3 n = patches.patches[patchIds[0]].normal, a = anyPerpendicular(n), b = glm::cross(n, a);
-  tangent_ = std::cos(seat.turn) * a + std::sin(seat.turn) * b;
+  const Vec3 tangent = std::cos(seat.turn) * a + std::sin(seat.turn) * b;
+  tangent_ = tangent;
   bitangent_ = std::cos(seat.turn) * b - std::sin(seat.turn) * a;
   normal_ = n;
   memberOf_.fill(kNone);
@@ -192,7 +193,11 @@ TileRays::TileRays(const FacetSet& facets, const PatchSet& patches, const Sample
     for (const Piece& piece : piecesOf(facets, patches, patch)) {
       total += piece.area;
       shortest = std::min({shortest, glm::length(piece.u), glm::length(piece.v)});
-      member.pieces.push_back({piece.origin + facets.facets[piece.facet].rayOffset * n, piece.u, piece.v, static_cast<float>(total), piece.triangle});
+      // The patch's frame, turned to the piece.
+      const Vec3 across = glm::normalize(tangent - glm::dot(tangent, piece.normal) * piece.normal);
+      member.bent |= piece.normal != n;
+      member.pieces.push_back({piece.origin + facets.facets[piece.facet].rayOffset * piece.normal, piece.u, piece.v, static_cast<float>(total),
+                               piece.triangle, {across, glm::cross(piece.normal, across), piece.normal}});
     }
     for (Span& c : member.pieces) c.end /= static_cast<float>(total);
     // Origins keep clear of the edges, beyond which rounding could put them.
@@ -201,7 +206,7 @@ TileRays::TileRays(const FacetSet& facets, const PatchSet& patches, const Sample
   }
 }
 
-void TileRays::place(const Member& member, float s, float t, uint32_t lane, RayPacket& rays) const {
+const TileRays::Span& TileRays::place(const Member& member, float s, float t, uint32_t lane, RayPacket& rays) const {
   const Span* c = member.pieces.data();
   if (member.pieces.size() > 1) {  // t also chooses the cell, by area
     const Span* last = c + member.pieces.size() - 1;
@@ -225,6 +230,7 @@ void TileRays::place(const Member& member, float s, float t, uint32_t lane, RayP
   rays.ox[lane] = c->origin.x + s * c->u.x + t * c->v.x;
   rays.oy[lane] = c->origin.y + s * c->u.y + t * c->v.y;
   rays.oz[lane] = c->origin.z + s * c->u.z + t * c->v.z;
+  return *c;
 }
 
 uint32_t TileRays::next(RayPacket& rays, std::array<uint32_t, kPacketSize>& member) {
@@ -269,8 +275,15 @@ uint32_t TileRays::next(RayPacket& rays, std::array<uint32_t, kPacketSize>& memb
     const Span& c = members_[0].pieces[0];
     spreadOrigins(c.u, c.v, members_[0].margin, {shiftS_, shiftT_}, s, t, rays);
   } else {
-    for (uint32_t k = 0; k < lanes; ++k)
-      this->place(members_[member[k]], wrap(s[k] + shiftS_), wrap(t[k] + shiftT_), k, rays);
+    for (uint32_t k = 0; k < lanes; ++k) {
+      const Member& from = members_[member[k]];
+      const Span& piece = this->place(from, wrap(s[k] + shiftS_), wrap(t[k] + shiftT_), k, rays);
+      if (!from.bent) continue;
+      const glm::vec3 d = x[k] * piece.frame[0] + y[k] * piece.frame[1] + z[k] * piece.frame[2];
+      rays.dx[k] = d.x;
+      rays.dy[k] = d.y;
+      rays.dz[k] = d.z;
+    }
   }
   return lanes;
 }

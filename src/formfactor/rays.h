@@ -81,12 +81,14 @@ class TileRays {
     glm::vec3 origin, u, v;
     float end;  // share of the patch's area up to its end
     bool triangle;
+    std::array<glm::vec3, 3> frame;  // with its own normal
   };
   struct Member {
     std::vector<Span> pieces;
     float margin = 0;
+    bool bent = false;  // pieces have normals of their own
   };
-  void place(const Member& member, float s, float t, uint32_t lane, RayPacket& rays) const;
+  const Span& place(const Member& member, float s, float t, uint32_t lane, RayPacket& rays) const;
 
   const SampleTable& table_;
   uint32_t at_, end_;

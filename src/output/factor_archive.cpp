@@ -153,7 +153,7 @@ void writeFactorsNpz(const std::string& path, const FormFactorMatrix& f, const P
   };
   text("farol_method", about.method);
   add("farol_seed", {"<u8", {}}, bytesOf(std::vector<uint64_t>{about.seed}));
-  numbers("farol_patch_options", {static_cast<double>(about.patches.count), about.patches.size});
+  numbers("farol_patch_options", {static_cast<double>(about.patches.count), about.patches.size, about.patches.cluster});
   const Fingerprint& print = about.fingerprint;
   add("farol_hash", {"<u8", {3}}, bytesOf(std::vector<uint64_t>{print.geometry, print.patches, print.specular}));
   numbers("farol_area", area);
@@ -303,10 +303,12 @@ FactorArchive::FactorArchive(const std::string& path) : impl_(std::make_unique<I
   KeptFactors& about = impl_->about;
   about.method = impl_->text("farol_method");
   about.seed = impl_->array<uint64_t>("farol_seed", "<u8", 1)[0];
-  const auto options = impl_->array<double>("farol_patch_options", "<f8", 2);
-  const bool sensible = options[0] >= 1 && options[0] <= 1e10 && options[1] >= 0 && options[1] < 1e300;
-  if (!sensible) throw Error("{}: patch options {} and {} are not possible", path, options[0], options[1]);
+  auto options = Impl::Reader(*impl_, "farol_patch_options").some<double>("<f8", 3);
+  const bool sensible = options.size() >= 2 && options[0] >= 1 && options[0] <= 1e10 && options[1] >= 0 && options[1] < 1e300 && (options.size() < 3 || (options[2] >= 0 && options[2] <= 60));
+  if (!sensible) throw Error("{}: patch options are not possible: a count, a size, degrees of clusters", path);
+  options.resize(3, 0.0);  // older files know of no clusters
   about.patches = {static_cast<size_t>(options[0]), options[1]};
+  about.patches.cluster = options[2];
   const auto hash = impl_->array<uint64_t>("farol_hash", "<u8", 3);
   about.fingerprint = {hash[0], hash[1], hash[2]};
   if (impl_->text("format") != "csr") throw Error("{}: the matrix is not in CSR form", path);

@@ -228,7 +228,7 @@ std::vector<Piece> piecesOf(const FacetSet& facets, const PatchSet& patches, uin
   const auto piece = [&](const Facet& f, uint32_t number, const CellGrid& g, double u, double v, double du, double dv, size_t count) {
     const auto point = [&](double x, double y) { return facets.point(f, x / g.nu, y / g.nv); };
     const Vec3 origin = point(u, v);
-    return Piece{origin, point(u + du, v) - origin, point(u, v + dv) - origin, !f.parallelogram, number,
+    return Piece{origin, point(u + du, v) - origin, point(u, v + dv) - origin, first.back ? -f.normal : f.normal, !f.parallelogram, number,
                  static_cast<double>(count) * cellArea(facets, g, number)};
   };
   const auto single = [&](const Cell& c) {
@@ -271,8 +271,15 @@ std::vector<Piece> piecesOf(const FacetSet& facets, const PatchSet& patches, uin
 PatchSet buildPatches(const Scene& scene, const FacetSet& facets, const PatchOptions& options) {
   std::vector<EdgeLengths> edges;
   for (const Facet& f : facets.facets) edges.push_back(edgeLengths(facets, f));
-  const double size = options.size > 0 ? options.size / facets.frame.size
-                                       : sizeForCount(facets, edges, targetCells(facets, options.count));
+  const bool clustered = options.cluster > 0 && options.levels == 0;
+  double size = options.size / facets.frame.size;
+  if (size <= 0 && clustered) {  // squares of this size have the area of all
+    double area = 0;
+    for (const Facet& f : facets.facets) area += f.area;
+    size = std::sqrt(area / static_cast<double>(options.count));
+  } else if (size <= 0) {
+    size = sizeForCount(facets, edges, targetCells(facets, options.count));
+  }
   constexpr double kMaxCells = 1u << 30;
   if (const double count = std::ldexp(countCells(facets, edges, size), 2 * static_cast<int>(options.levels)); count > kMaxCells) {
     throw Error("{}: a patch size of {} would make {:.3g} patches; at most {:.3g} are possible", scene.path,
@@ -291,6 +298,7 @@ PatchSet buildPatches(const Scene& scene, const FacetSet& facets, const PatchOpt
   std::vector<uint32_t> identity(set.cells.size());
   for (uint32_t i = 0; i < identity.size(); ++i) identity[i] = i;
   mapCells(set, scene, facets, std::move(identity));
+  if (clustered) mapCells(set, scene, facets, clusteredCells(set, facets, size * facets.frame.size, options.cluster));
   return set;
 }
 
@@ -303,6 +311,8 @@ void mapCells(PatchSet& set, const Scene& scene, const FacetSet& facets, std::ve
   for (uint32_t p = 0; p < count; ++p) set.firstCell[p + 1] += set.firstCell[p];
   set.patchCells.resize(set.cells.size());
   std::vector<uint32_t> next(set.firstCell.begin(), set.firstCell.end() - 1);
+  std::vector<Vec3> normals(count, Vec3(0));  // weighted by area
+  std::vector<bool> bent(count, false);
   set.frontPatchCount = 0;
   for (uint32_t c = 0; c < set.cells.size(); ++c) {
     const uint32_t p = set.cellMap[c];
@@ -313,8 +323,11 @@ void mapCells(PatchSet& set, const Scene& scene, const FacetSet& facets, std::ve
     Patch& patch = set.patches[p];
     patch.surface = facet.surface;
     patch.back = cell.back;
-    patch.normal = cell.back ? -facet.normal : facet.normal;
     const double area = cellArea(facets, grid, cell.facet);
+    const Vec3 normal = cell.back ? -facet.normal : facet.normal;
+    if (normals[p] == Vec3(0)) patch.normal = normal;
+    bent[p] = bent[p] || normal != patch.normal;
+    normals[p] += area * normal;
     const Vec2 uv =
         facet.parallelogram ? cellPoint(grid, true, cell, 0.5, 0.5) : cellPoint(grid, false, cell, 1.0 / 3, 1.0 / 3);
     const Optics optics = cellOptics(scene, facet, grid, cell);
@@ -336,6 +349,9 @@ void mapCells(PatchSet& set, const Scene& scene, const FacetSet& facets, std::ve
     patch.transmission /= patch.area;
     patch.emission /= patch.area;
     if (!patch.back) ++set.frontPatchCount;
+  }
+  for (uint32_t p = 0; p < count; ++p) {  // of flat patches exactly the facet's
+    if (bent[p]) set.patches[p].normal = glm::normalize(normals[p]);
   }
 }
 

@@ -77,17 +77,24 @@ struct PatchOptions {
   size_t count = 4000;  // about so many patches over the front sides, when size is 0
   double size = 0;      // longest cell edge [scene units]
   uint32_t levels = 0;  // both are then those of a grid whose cells are halved so many times along every edge
+  // Facets smaller than a patch are gathered into patches where they hang together, are of one surface, and turn by no more
+  // than this [degrees]; 0: every facet has patches of its own.
+  double cluster = 0;
 };
 
 // Throws Error when a reflectance exceeds 1 or the number of cells exceeds 2^31.
 PatchSet buildPatches(const Scene& scene, const FacetSet& facets, const PatchOptions& options);
 
 // Replaces the cell map: patch numbers must be 0..max without gaps, and the cells of a patch must lie on
-// one surface and side, in one plane.
+// one surface and side, in nearly one plane: the patch's normal is their mean.
 void mapCells(PatchSet& patches, const Scene& scene, const FacetSet& facets, std::vector<uint32_t> cellMap);
 
 // The cell map that joins `along` by `along` cells of every facet's side to one patch: patches of about so many times the size.
 std::vector<uint32_t> joinedCells(const PatchSet& patches, const FacetSet& facets, uint32_t along);
+
+// The cell map that gathers facets of a single cell, `size` wide at most [scene units], as PatchOptions::cluster says: of
+// mirrors, clear glass and emitters none.
+std::vector<uint32_t> clusteredCells(const PatchSet& patches, const FacetSet& facets, double size, double degrees);
 
 // The number of the cell of a grid with `steps` halvings fewer in which a cell lies.
 uint32_t coarserCell(const CellGrid& grid, bool parallelogram, const Cell& cell, uint32_t steps);
@@ -110,6 +117,7 @@ Vec2 cellPoint(const CellGrid& grid, bool parallelogram, const Cell& cell, doubl
 // A parallelogram or triangle: corner and sides.
 struct Piece {
   Vec3 origin{0}, u{0}, v{0};  // [unit coordinates]
+  Vec3 normal{0};              // unit vector on the patch's side
   bool triangle = false;
   uint32_t facet = 0;
   double area = 0;  // [scene units squared]

@@ -1,9 +1,11 @@
 // Patches as small as their light asks for against patches of one size: the error of H that each costs, on the patches
 // themselves and on a grid of 8 x 8 per facet (as a picture shows it), against gathering paths.
+// Then a detailed model, a patch per triangle against patches of many.
 // farol_adaptive [seconds of reference, SCENE...]
 #include "cli/tolerance.h"
 #include "reference/gathering.h"
 #include "solve/node_irradiance.h"
+#include "test_scene.h"
 
 #include <fmt/format.h>
 
@@ -40,6 +42,38 @@ struct Line {
   std::vector<Rgb> own, shown;
   double predicted = 0;
 };
+
+void detailedModel(double seconds) {
+  Log log(true);
+  std::vector<test::TestSurface> surfaces = test::closedBox({4, 4, 3});
+  surfaces.push_back({"lamp", {{{1.5, 1.5, 2.98}, {1.5, 2.5, 2.98}, {2.5, 2.5, 2.98}, {2.5, 1.5, 2.98}}}});
+  surfaces.back().emission = Rgb(10);
+  surfaces.push_back(test::bumpyBall(50000, {2, 2, 1.15}));
+  const Scene scene = test::loadSurfaces(surfaces);
+  const FacetSet facets = buildFacets(scene, log);
+  Options options;
+  options.command = Command::solve;
+  options.scene = "a ball";
+  Setting setting;
+  setting.spec.rays = 1024;
+  PatchOptions gathered{2000, 0};
+  gathered.cluster = 15;
+  SizedScene single(options, scene, facets, {2000, 0}), clustered(options, scene, facets, gathered);
+  const std::array<SizedScene*, 2> scenes{&single, &clustered};
+  const std::array<const PatchSet*, 2> sets{&single.patches(), &clustered.patches()};
+  const Tracer tracer(facets);
+  const LampPlan lamps = chooseLamps(facets, single.patches(), {});
+  const PathGatherer gatherer(tracer, facets, single.patches(), scene, lamps, Rgb(0), {});
+  const std::vector<GatheredIrradiance> truth = gatherIrradiance(gatherer, tracer, facets, sets, seconds, 77, [](double) {});
+  fmt::print("a ball of {} facets in a room\n| patches | MB of F | seconds of rows, light and solve | error of H % | resolved to | shown on the facets % | resolved to |\n|---|---|---|---|---|---|---|\n", facets.facets.size());
+  for (const size_t k : {size_t{0}, size_t{1}}) {
+    const Trial t = scenes[k]->solve(setting);
+    const NodeIrradiance nodes(scene, facets, *sets[k], &t.f, t.lighting.solution.irradiance);
+    const HError own = errorOf(t.lighting.solution.irradiance, *sets[k], truth[k]), shown = errorOf(shownOn(single.patches(), facets, nodes), single.patches(), truth[0]);
+    fmt::print("| {} | {:.0f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} |\n", sets[k]->size(), 1e-6 * static_cast<double>(t.f.bytes()), t.seconds(), 100 * own.error,
+               100 * own.noise, 100 * shown.error, 100 * shown.noise);
+  }
+}
 
 }  // namespace
 
@@ -97,4 +131,5 @@ int main(int argc, char** argv) {
                  100 * shown.noise, lines[k].predicted > 0 ? fmt::format("{:.2f}", 100 * lines[k].predicted) : "");
     }
   }
+  detailedModel(seconds);
 }

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
+#include <map>
 
 namespace farol::test {
 namespace {
@@ -81,6 +82,42 @@ TEST(Adapting, NeedsFewerPatchesForTheSameError) {
   EXPECT_LT(adapted, 0.015);
 }
 
+// Areas times H of a run's patches, by surface.
+std::map<std::string, double> fluxes(const std::string& csv) {
+  std::map<std::string, double> flux;
+  const auto lines = readCsv(csv);
+  for (size_t k = 1; k < lines.size(); ++k) flux[lines[k].at(1)] += std::stod(lines[k].at(21)) * std::stod(lines[k].at(19));
+  return flux;
+}
+
+// A ball of 5,000 triangles: a fifth of the patches give what a patch per triangle gives.
+TEST(Clusters, LightARoomAsAPatchPerTriangle) {
+  std::vector<TestSurface> surfaces = closedBox({4, 4, 3});
+  surfaces.push_back({"lamp", {{{1.5, 1.5, 2.98}, {1.5, 2.5, 2.98}, {2.5, 2.5, 2.98}, {2.5, 1.5, 2.98}}}});
+  surfaces.back().emission = Rgb(10);
+  surfaces.push_back(bumpyBall(5000, {2, 2, 1.15}));
+  const TemporaryFolder folder;
+  writeText(folder.path("ball.gltf"), gltfOf(surfaces).dump());
+  const auto run = [&](const std::string& command, const std::string& options) {
+    const Outcome o = farol(command + " " + folder.path("ball.gltf") + " " + options + " --report " + folder.path("r.json"));
+    EXPECT_EQ(o.exitCode, 0) << o.err;
+    return json::parse(readText(folder.path("r.json")))["counts"]["patches"].get<size_t>();
+  };
+  const std::string settings = " --method rays --rays 1024 --shadow-rays 64";
+  const size_t single = run("solve", "--patches 1000 --patches-csv " + folder.path("single.csv") + settings);
+  const size_t gathered = run("solve", "--patches 1000 --cluster 20 --patches-csv " + folder.path("gathered.csv") + settings);
+  EXPECT_LT(gathered, single / 4);
+  const auto expected = fluxes(folder.path("single.csv")), found = fluxes(folder.path("gathered.csv"));
+  for (const auto& [surface, flux] : expected) {
+    if (surface == "lamp") continue;
+    EXPECT_NEAR(found.at(surface), flux, 0.01 * flux) << surface;
+  }
+  // A kept F remembers them.
+  run("factors", "--patches 1000 --cluster 20 -o " + folder.path("F.npz") + " --method rays --rays 1024");
+  EXPECT_EQ(run("solve", "--factors " + folder.path("F.npz") + " --patches-csv " + folder.path("kept.csv")), gathered);
+  EXPECT_EQ(readText(folder.path("kept.csv")), readText(folder.path("gathered.csv")));
+}
+
 class AdaptCommand : public ::testing::Test {
  protected:
   std::string path(const std::string& name) const { return folder_.path(name); }
@@ -107,7 +144,7 @@ TEST_F(AdaptCommand, EquivalentCommandGivesTheSameBytes) {
 
 TEST_F(AdaptCommand, IsRefusedWherePatchesAreChosenOtherwise) {
   const std::string solve = "solve " FAROL_SCENES "/cornell_box/cornell_box.gltf --adapt 0.02 ";
-  for (const char* other : {"--patches 100", "--tolerance 0.01", "--illumination local", "--factors F.npz"}) EXPECT_EQ(farol(solve + other).exitCode, 2) << other;
+  for (const char* other : {"--patches 100", "--tolerance 0.01", "--illumination local", "--factors F.npz", "--cluster 10"}) EXPECT_EQ(farol(solve + other).exitCode, 2) << other;
 }
 
 }  // namespace

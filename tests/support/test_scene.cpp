@@ -1,5 +1,7 @@
 #include "test_scene.h"
 
+#include <cmath>
+
 #include <algorithm>
 #include <atomic>
 #include <cstring>
@@ -149,6 +151,23 @@ std::vector<TestSurface> closedBox(const Vec3& s, const Rgb& reflectance, const 
           face("y1", {corner(0, 1, 0), corner(1, 1, 0), corner(1, 1, 1), corner(0, 1, 1)}),
           face("z0", {corner(0, 0, 0), corner(1, 0, 0), corner(1, 1, 0), corner(0, 1, 0)}),
           face("z1", {corner(0, 0, 1), corner(0, 1, 1), corner(1, 1, 1), corner(1, 0, 1)})};
+}
+
+TestSurface bumpyBall(int triangles, const Vec3& centre) {
+  TestSurface ball{"ball", {}};
+  const int rings = static_cast<int>(std::sqrt(triangles / 4.0)), around = 2 * rings;
+  const auto point = [&](int i, int j) {
+    const double t = 2 * kPi * (i % around) / around, f = kPi * j / rings;
+    const double r = 0.9 + 0.12 * std::sin(5 * t) * std::sin(4 * f) * std::sin(f);
+    return centre + r * Vec3(std::sin(f) * std::cos(t), std::sin(f) * std::sin(t), -std::cos(f));
+  };
+  for (int i = 0; i < around; ++i) {
+    for (int j = 0; j < rings; ++j) {
+      if (j > 0) ball.polygons.push_back({point(i, j), point(i + 1, j), point(i + 1, j + 1)});
+      if (j + 1 < rings) ball.polygons.push_back({point(i, j), point(i + 1, j + 1), point(i, j + 1)});
+    }
+  }
+  return ball;
 }
 
 std::vector<TestSurface> colouredBox() {

@@ -56,6 +56,9 @@ Scene loadSurfaces(const std::vector<TestSurface>& surfaces, const Placement& pl
 // Axis-parallel closed box with inward faces x0, x1, y0, y1, z0, z1.
 std::vector<TestSurface> closedBox(const Vec3& size, const Rgb& reflectance = Rgb(0.5), const Rgb& emission = Rgb(0));
 
+// A bumpy ball of about so many triangles, of radius 0.9, at a point.
+TestSurface bumpyBall(int triangles, const Vec3& centre);
+
 std::vector<TestSurface> colouredBox();  // 1 x 2 x 3, coloured walls, the ceiling emits (truth B4b)
 
 // A sphere of quadrilaterals and triangles; `zones` lists heights z/r between which surfaces are cut, from -1 to 1.

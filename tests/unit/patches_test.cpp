@@ -190,5 +190,38 @@ TEST(Patches, OfATreeCoverTheirFacets) {
   }
 }
 
+// Facets of a ball are gathered; those of the floor, which are larger than a patch, and of a lamp are not.
+TEST(Patches, GatherSmallFacetsThatTurnLittle) {
+  std::vector<TestSurface> surfaces{bumpyBall(2000, {0, 0, 1.2}), bumpyBall(2000, {3, 0, 1.2}), {"floor", {{{-2, -2, 0}, {6, -2, 0}, {6, 2, 0}, {-2, 2, 0}}}}};
+  surfaces[1].name = "lamp";
+  surfaces[1].emission = Rgb(1);
+  PatchOptions options{1, 0.4};
+  const Cut single(loadSurfaces(surfaces), options);
+  options.cluster = 15;
+  const Cut gathered(loadSurfaces(surfaces), options);
+  EXPECT_NEAR(areaOf(gathered), areaOf(single), 1e-9);
+  const auto of = [](const Cut& cut, uint32_t surface) {
+    return static_cast<size_t>(std::count_if(cut.patches.patches.begin(), cut.patches.patches.end(), [&](const Patch& p) { return p.surface == surface; }));
+  };
+  EXPECT_LT(of(gathered, 0), of(single, 0) / 4);
+  EXPECT_EQ(of(gathered, 1), of(single, 1));
+  EXPECT_EQ(of(gathered, 2), of(single, 2));
+  for (uint32_t p = 0; p < gathered.patches.size(); ++p) {
+    const Patch& patch = gathered.patches.patches[p];
+    EXPECT_NEAR(glm::length(patch.normal), 1, 1e-12);
+    double area = 0;
+    for (const uint32_t c : gathered.patches.cellsOf(p)) {
+      const Facet& facet = gathered.facets.facets[gathered.patches.cells[c].facet];
+      EXPECT_GE(glm::dot(facet.normal, patch.normal), std::cos(30 * kPi / 180));
+      EXPECT_EQ(facet.surface, patch.surface);
+      area += cellArea(gathered.facets, gathered.patches.grids[gathered.patches.cells[c].facet], gathered.patches.cells[c].facet);
+    }
+    EXPECT_NEAR(area, patch.area, 1e-9);
+    if (gathered.patches.cellsOf(p).size() > 1) {
+      EXPECT_LE(patch.area, 0.16 * (1 + 1e-9));
+    }
+  }
+}
+
 }  // namespace
 }  // namespace farol::test
