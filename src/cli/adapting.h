@@ -11,7 +11,7 @@ struct Adapting {
   size_t tried = 0;   // patches of the trial
 };
 
-// Deterministic: the options alone decide. Scenes of more facets than a trial can halve twice keep a patch per cell.
+// Deterministic: the options alone decide. Scenes of more facets than a trial can halve once keep a patch per cell.
 Adapting adaptTo(const Options& options, const Scene& scene, const FacetSet& facets, const MethodSpec& method);
 
 }  // namespace farol

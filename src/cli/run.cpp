@@ -118,6 +118,8 @@ class Run {
       throw Error("{}: these factors are for {}; leave --patches and --patch-size out", options_.factors,
                   p.size > 0 ? fmt::format("--patch-size {}", p.size) : fmt::format("--patches {}", p.count));
     }
+    if (options_.gave("--cluster") && p.cluster != options_.cluster)
+      throw Error("{}: these factors are for --cluster {}; leave --cluster out", options_.factors, p.cluster);
     options_.patches = report_.options.patches = p.count;
     options_.patchSize = report_.options.patchSize = p.size;
     options_.cluster = report_.options.cluster = p.cluster;
@@ -137,6 +139,10 @@ class Run {
     if (options_.patchSize == 0 && options_.cluster == 0 && facets_.facets.size() > options_.patches / 2) {
       log_.note(fmt::format("{} facets need at least a patch each: {} patches instead of about {}; --cluster 15 gathers small ones",
                             facets_.facets.size(), patches_.frontPatchCount, options_.patches));
+    }
+    constexpr size_t kMany = 3;
+    if (options_.patchSize == 0 && options_.cluster > 0 && 2 * patches_.frontPatchCount > kMany * options_.patches) {
+      log_.note(fmt::format("many facets turn too much or stand apart: {} patches instead of about {}", patches_.frontPatchCount, options_.patches));
     }
     countPatches();
     warnOfMirroredPoints(scene_, patches_, log_);
@@ -317,6 +323,10 @@ class Run {
       return;
     }
     report_.adapted = AdaptedReport{a.tried, a.adapted.tree.levels(), a.adapted.error};
+    if (a.adapted.error > options_.adapt) {
+      log_.warn({"adapt-not-met", fmt::format("the smallest patches are {} times smaller than the largest, and still constant patches are predicted to cost {:.2g} % of H: {:.2g} % was asked for",
+                                              1u << PatchTree::kMostLevels, 100 * a.adapted.error, 100 * options_.adapt), {}, a.adapted.error});
+    }
     say("patches: {} of {} sizes, from {} of a trial; constant patches are predicted to cost {:.2g} % of H", patches_.size(), a.adapted.tree.levels() + 1, a.tried,
         100 * a.adapted.error);
   }

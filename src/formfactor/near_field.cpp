@@ -32,7 +32,7 @@ double UnoccludedFactor::operator()(uint32_t i, uint32_t j, int n) const {
     const double gap = glm::distance(centres_[i], centres_[j]) - radii_[i] - radii_[j], r = radii_[i];
     n = gap < 0.5 * r ? 16 : gap < 2 * r ? 8 : gap < 5 * r ? 5 : gap < 20 * r ? 3 : 2;
   }
-  // Gauss points need one piece; several pieces take as many points of a sequence each.
+  // Each of several pieces gets four times as many.
   const size_t pieces = polygons_[i].size();
   const auto points =
       positionsOn(facets_, patches_, i, static_cast<int>(static_cast<size_t>(n * n) * (pieces == 1 ? 1 : 4 * pieces)), i);

@@ -22,7 +22,8 @@ struct DirectIrradiance::Receiver {
   double radius = 0, offset = kRayOffset;
   std::vector<Position> points;  // for closed forms
   uint32_t patch = kNone;
-  std::vector<Piece> pieces;  // of the patch: origins are spread over them; none: all at the centre
+  std::vector<Piece> pieces;  // of the patch: origins are spread over them by area; none: all at the centre
+  bool bent = false;          // pieces have normals of their own
   bool partlyCovered = false;
   uint32_t block = 0;
   uint64_t seed = 0;
@@ -70,6 +71,7 @@ DirectIrradiance::Receiver DirectIrradiance::receiverOf(uint32_t patch, double e
   r.seed = mixBits(static_cast<uint64_t>(seat.turn * 1e15));
   r.partlyCovered = exposed < 1;
   r.pieces = piecesOf(facets_, patches_, patch);
+  r.bent = std::any_of(r.pieces.begin(), r.pieces.end(), [&](const Piece& piece) { return piece.normal != p.normal; });
   r.points = positionsOn(facets_, patches_, patch, r.partlyCovered ? 64 : r.pieces.size() == 1 ? 4 : 16, r.seed);
   if (r.partlyCovered) r.points = exposedPositions(tracer_, facets_, r.points, r.normal);
   return r;
@@ -105,34 +107,40 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
     total += weight;
   };
   for (const Lamp& lamp : lamps_) {
-    bool above = false;
+    bool above = r.bent;
     for (const Vec3& v : lamp.polygon) above |= glm::dot(r.normal, v - r.centre) > kRayOffset;
     if (!above || glm::dot(lamp.normal, r.centre - lamp.centre) + 2 * r.radius <= 0) continue;
     double f = 0;
-    for (const Position& q : pointsFor(lamp)) f += q.weight * pointToPolygon(q.point, r.normal, lamp.polygon);
+    for (const Position& q : pointsFor(lamp)) f += q.weight * pointToPolygon(q.point, q.normal, lamp.polygon);
     add(&lamp, nullptr, f * lamp.emission);
   }
   for (const PunctualLight& light : lights_) {
     Rgb irradiance(0);
     for (const Position& q : r.points)
-      irradiance += q.weight * unoccludedIrradiance(light, facets_.frame.toScene(q.point), r.normal);
+      irradiance += q.weight * unoccludedIrradiance(light, facets_.frame.toScene(q.point), q.normal);
     add(nullptr, &light, irradiance);
   }
   Estimate e;
   if (sources.empty()) return e;
 
   const double margin = std::min(0.01, 2 * kRayOffset / std::max(r.radius, 1e-9));
-  const auto originOf = [&](double s, double t) {
-    if (r.pieces.empty()) return r.centre;
-    t *= static_cast<double>(r.pieces.size());  // chosen with equal chances
-    const size_t at = std::min(static_cast<size_t>(t), r.pieces.size() - 1);
-    t -= static_cast<double>(at);
+  double area = 0;
+  for (const Piece& piece : r.pieces) area += piece.area;
+  struct Origin {
+    Vec3 point, normal;
+  };
+  const auto originOf = [&](double s, double t) -> Origin {
+    if (r.pieces.empty()) return {r.centre, r.normal};
+    size_t at = 0;
+    double before = 0;  // of the area; t also chooses the piece
+    while (at + 1 < r.pieces.size() && before + r.pieces[at].area < t * area) before += r.pieces[at++].area;
     const Piece& piece = r.pieces[at];
+    t = (t * area - before) / piece.area;
     if (piece.triangle && s + t > 1) {
       s = 1 - s;
       t = 1 - t;
     }
-    return piece.at(std::clamp(s, margin, 1 - margin), std::clamp(t, margin, 1 - margin));
+    return {piece.at(std::clamp(s, margin, 1 - margin), std::clamp(t, margin, 1 - margin)), piece.normal};
   };
   const auto pointOn = [](const Lamp& lamp, double a, double b) {
     const std::vector<Vec3>& v = lamp.polygon;
@@ -188,19 +196,19 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
     double x[4];  // where on the patch, where on the source
     const std::array<uint32_t, 4>& fixed = points_[number % points_.size()];
     for (size_t c = 0; c < 4; ++c) x[c] = (static_cast<uint32_t>(fixed[c] + source.shift[c]) + 0.5) * 0x1p-32;
-    const Vec3 p = originOf(x[0], x[1]);
+    const auto [p, normal] = originOf(x[0], x[1]);
     if (r.partlyCovered && insideObject(tracer_, facets_, std::span(&p, 1), r.normal, 0) != 0) return;
-    const Vec3 from = p + r.offset * r.normal;
+    const Vec3 from = p + r.offset * normal;
     Vec3 to;
     double k = 0;
     if (source.lamp != nullptr) {
       const Vec3 q = pointOn(*source.lamp, x[2], x[3]), d = q - p;
       const double squared = glm::dot(d, d);
-      k = std::max(0.0, glm::dot(r.normal, d)) * std::max(0.0, -glm::dot(source.lamp->normal, d)) / (squared * squared);
+      k = std::max(0.0, glm::dot(normal, d)) * std::max(0.0, -glm::dot(source.lamp->normal, d)) / (squared * squared);
       k *= source.lamp->area * maxChannel(source.lamp->emission) / (kPi * source.weight);
       to = q + kRayOffset * source.lamp->normal;
     } else {
-      k = maxChannel(unoccludedIrradiance(*source.light, facets_.frame.toScene(p), r.normal)) / source.weight;
+      k = maxChannel(unoccludedIrradiance(*source.light, facets_.frame.toScene(p), normal)) / source.weight;
       to = source.light->kind == PunctualLight::Kind::directional ? p - 3.0 * source.light->direction
                                                                   : facets_.frame.toUnit(source.light->position);
     }
@@ -319,7 +327,7 @@ DirectIrradiance::Estimate DirectIrradiance::at(const Vec3& point, const Vec3& n
   Receiver r;
   r.normal = normal;
   r.centre = point;
-  r.points = {{point, 1.0}};
+  r.points = {{point, 1.0, normal}};
   r.block = static_cast<uint32_t>(seed % SampleTable::kBlocks);
   r.seed = mixBits(seed);
   return gather(r, rays);

@@ -21,7 +21,7 @@ std::vector<Position> gaussPositions(const Piece& piece, int n) {
         s *= 1 - t;
         weight *= 2 * (1 - t);
       }
-      result.push_back({pointOf(piece, s, t), weight});
+      result.push_back({pointOf(piece, s, t), weight, piece.normal});
     }
   }
   return result;
@@ -64,13 +64,25 @@ GaussRule gaussLegendre(int n) {
 std::vector<Position> positionsOn(const FacetSet& facets, const PatchSet& patches, uint32_t patch, int count,
                                   uint64_t seed) {
   const std::vector<Piece> pieces = piecesOf(facets, patches, patch);
-  if (count == 1) return {{centreNearest(facets.frame.toUnit(patches.patches[patch].centre), pieces), 1.0}};
+  if (count == 1)
+    return {{centreNearest(facets.frame.toUnit(patches.patches[patch].centre), pieces), 1.0, patches.patches[patch].normal}};
   if (pieces.size() == 1) {
     const int root = static_cast<int>(std::lround(std::sqrt(count)));
     if (root * root == count) return gaussPositions(pieces[0], root);
   }
   double total = 0;
   for (const Piece& piece : pieces) total += piece.area;
+  const int each = static_cast<int>(std::sqrt(static_cast<double>(count) / static_cast<double>(pieces.size())));
+  if (pieces.size() > 1 && each > 1) {
+    std::vector<Position> result;
+    for (const Piece& piece : pieces) {
+      for (Position p : gaussPositions(piece, each)) {
+        p.weight *= piece.area / total;
+        result.push_back(p);
+      }
+    }
+    return result;
+  }
   constexpr double kPlastic = 1.32471795724474602596;  // root of x^3 = x + 1
   const double shiftS = unitFromBits(mixBits(seed)), shiftT = unitFromBits(mixBits(seed + 1));
   std::vector<Position> result;
@@ -81,7 +93,7 @@ std::vector<Position> positionsOn(const FacetSet& facets, const PatchSet& patche
     while (at + 1 < pieces.size() && before + pieces[at].area < area) before += pieces[at++].area;
     const double s = std::fmod(shiftS + (k + 1) / kPlastic, 1.0);
     const double t = std::fmod(shiftT + (k + 1) / (kPlastic * kPlastic), 1.0);
-    result.push_back({pointOf(pieces[at], s, t), 1.0 / count});
+    result.push_back({pointOf(pieces[at], s, t), 1.0 / count, pieces[at].normal});
   }
   return result;
 }

@@ -9,8 +9,8 @@ namespace farol {
 
 // F between the reflecting patches, in half precision, in blocks of rows that a device can bind; sweeps in float32 are
 // submitted in batches and tell their largest changes. What half precision lacks, the caller's residual in double from
-// the F that counts brings back: the solution is that F's. Throws
-// gpu::OutOfMemory when the device has too little of it.
+// the F that counts brings back: the solution is that F's. Throws gpu::OutOfMemory when the device has too little
+// of it.
 class GpuJacobi {
  public:
   GpuJacobi(const gpu::Device& device, const FormFactorMatrix& f, const std::vector<size_t>& reflecting,

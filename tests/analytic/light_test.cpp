@@ -45,6 +45,40 @@ TEST(DirectLight, OfALampIsTheClosedFormWhereNothingBlocks) {
   }
 }
 
+// Two slopes of 20 degrees, the left one of twice the area, as one patch: the mean over both of what each gets by its own
+// normal, from the sun, from a lamp, and along rays.
+TEST(DirectLight, OfABentPatchIsTheMeanOverItsPieces) {
+  const double fall = std::tan(20 * kPi / 180);
+  const std::vector<TestSurface> surfaces{
+      {"roof", {{{-2, 0, -2 * fall}, {0, 0, 0}, {0, 1, 0}, {-2, 1, -2 * fall}}, {{0, 0, 0}, {1, 0, -fall}, {1, 1, -fall}, {0, 1, 0}}}},
+      {"lamp", {{{2, 0.4, 1}, {2, 0.7, 1}, {2.3, 0.7, 1}, {2.3, 0.4, 1}}}, Rgb(0), Rgb(100)}};
+  PatchOptions one{0, 10};
+  one.cluster = 45;
+  RayRun bent(loadSurfaces(surfaces), one, {.rays = 1u << 18}), apart(loadSurfaces(surfaces), {0, 10}, {.rays = 1u << 18});
+  ASSERT_EQ(bent.patchesOf("roof").size(), 1u);
+  ASSERT_EQ(apart.patchesOf("roof").size(), 2u);
+  const UnoccludedFactor exact(apart.facets, apart.patches);
+  const Vec3 sun = glm::normalize(Vec3(-0.5, 0, -1));
+  PunctualLight light;
+  light.kind = PunctualLight::Kind::directional;
+  light.direction = sun;
+  light.intensity = Rgb(2);
+  double fromSun = 0, factor = 0;
+  for (const uint32_t i : apart.patchesOf("roof")) {
+    const Patch& p = apart.patches.patches[i];
+    const double share = p.area / bent.patches.patches[bent.patchesOf("roof")[0]].area;
+    fromSun += share * 2 * -glm::dot(p.normal, sun);
+    for (const uint32_t j : apart.patchesOf("lamp")) factor += share * exact(i, j, 16);
+  }
+  const uint32_t roof = bent.patchesOf("roof")[0];
+  const LampPlan noLamps;
+  const DirectIrradiance onlySun(bent.tracer, bent.facets, bent.patches, noLamps.lamps, {&light, 1}, {});
+  EXPECT_NEAR(onlySun.compute(std::vector<double>(bent.patches.size(), 1.0)).irradiance[roof].r, fromSun, 1e-6 * fromSun);
+  const DirectLight fromLamp = directLight(bent, {}, {.shadowRays = 4096});
+  EXPECT_NEAR(fromLamp.irradiance[roof].r, 100 * factor, 0.005 * 100 * factor);
+  EXPECT_NEAR(bent.factor("roof", "lamp"), factor, 4 * std::sqrt(factor / (1u << 18)));
+}
+
 // Behind a table: against rays by the hundred thousand.
 TEST(DirectLight, OfALampIsWithinItsErrorWhereATableBlocks) {
   RayRun run(loadSurfaces(lampRoom(true)), {600, 0}, {.rays = 1u << 18});

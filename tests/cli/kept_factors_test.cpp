@@ -77,6 +77,11 @@ TEST_F(KeptFactors, KeepWhatTellsTheirError) {
     ASSERT_EQ(o.exitCode, 0) << o.err;
     error[k] = json::parse(readText(path("r.json"))).at("estimated_error").get<double>();
   }
+  // Without lamps apart nothing is traced then.
+  for (const bool stripped : {false, true}) {
+    farol("solve " + path("room.gltf") + " --emitters matrix --factors " + path(stripped ? "stripped.npz" : "F.npz") + " --report " + path("r.json"));
+    EXPECT_EQ(json::parse(readText(path("r.json"))).contains("embree"), stripped);
+  }
   EXPECT_GT(error[0], 0);
   EXPECT_NEAR(error[0], error[1], 1e-9 * error[1]);
 }
