@@ -22,7 +22,7 @@ Adapting adaptTo(const Options& options, const Scene& scene, const FacetSet& fac
   setting.emittersApart = options.emittersApart;
   setting.solver = options.solver;
   setting.residual = options.residual;
-  // As much noise as costs little of what is asked for; it is taken off besides.
+  // So many that their noise is little beside what is asked for.
   const double few = std::clamp(10.0 / options.adapt, 256.0, 8192.0);
   setting.spec.rays = static_cast<uint32_t>(few / 16) * 16;
   setting.shadowRays = setting.spec.rays / 4;

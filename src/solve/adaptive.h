@@ -16,7 +16,7 @@ struct AdaptedPatches {
 // The tree of the fewest patches that are predicted to meet `error` (where its depth does not suffice: to come near it), from
 // a solution on the grid at `level`, one patch per cell. What a node costs is what F gathers of the differences between B and
 // its mean over the node, and a small part of the differences of H that it hides; below the grid it falls with the size to
-// the power `order`, above it is seen. `samples` per row: their noise is taken off.
+// the power `order`, above it is seen. `samples` per row: most of their noise is taken off.
 AdaptedPatches adaptPatches(const FacetSet& facets, const PatchSet& patches, uint32_t level, const FormFactorMatrix& f,
                             const DirectLight& direct, const Solution& solution, double samples, double order, double error);
 

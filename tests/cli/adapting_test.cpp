@@ -27,6 +27,7 @@ class LRoom {
   }
 
   PatchSet fine() const { return buildPatches(scene_, facets_, {0, adapting_.size.size, kFine}); }
+  const FacetSet& facets() const { return facets_; }
   const AdaptedPatches& adapted() const { return adapting_.adapted; }
   SizedScene ofTree() const { return {options_, scene_, facets_, adapting_.size, adapting_.adapted.tree}; }
   SizedScene ofLevel(uint32_t level) const { return {options_, scene_, facets_, {0, adapting_.size.size, level}}; }
@@ -116,6 +117,37 @@ TEST(Clusters, LightARoomAsAPatchPerTriangle) {
   run("factors", "--patches 1000 --cluster 20 -o " + folder.path("F.npz") + " --method rays --rays 1024");
   EXPECT_EQ(run("solve", "--factors " + folder.path("F.npz") + " --patches-csv " + folder.path("kept.csv")), gathered);
   EXPECT_EQ(readText(folder.path("kept.csv")), readText(folder.path("gathered.csv")));
+}
+
+// Fewer rays make rows noisy, but hardly patches smaller: a tenth more where the noise of rows is left in.
+TEST(Adapting, DoesNotTakeNoiseForShadows) {
+  const LRoom room;
+  SizedScene grid = room.ofLevel(3);
+  std::array<size_t, 2> patches{};
+  for (const size_t k : {size_t{0}, size_t{1}}) {
+    Setting setting;
+    setting.spec.rays = k == 0 ? 64 : 4096;
+    setting.shadowRays = 1024;
+    const Trial t = grid.solve(setting);
+    patches[k] = adaptPatches(room.facets(), grid.patches(), 3, t.f, t.lighting.direct, t.lighting.solution, setting.spec.rays, 1.3, 0.02).patches;
+  }
+  fmt::print("{} patches by 64 rays, {} by 4,096\n", patches[0], patches[1]);
+  EXPECT_NEAR(static_cast<double>(patches[0]), static_cast<double>(patches[1]), 0.06 * static_cast<double>(patches[1]));
+}
+
+// Black walls reflect nothing, so that no patch is too large for F; what a picture shows of a lamp's light still asks for small
+// ones.
+TEST(Adapting, SeesWhatPatchesHide) {
+  std::vector<TestSurface> surfaces = closedBox({4, 4, 3}, Rgb(0));
+  surfaces.push_back({"lamp", {{{1.8, 1.8, 2.9}, {1.8, 2.2, 2.9}, {2.2, 2.2, 2.9}, {2.2, 1.8, 2.9}}}, Rgb(0), Rgb(10)});
+  const Scene scene = loadSurfaces(surfaces);
+  Log log(true);
+  const FacetSet facets = buildFacets(scene, log);
+  Options options;
+  options.scene = scene.path;
+  options.adapt = 0.02;
+  const Adapting a = adaptTo(options, scene, facets, {});
+  EXPECT_GT(a.adapted.patches, 3 * facets.facets.size());
 }
 
 class AdaptCommand : public ::testing::Test {
