@@ -171,6 +171,32 @@ Replicates replicatesOf(Methods& methods, const PatchSet& patches, const MethodS
   return replicates;
 }
 
+ProbeRows makeProbes(Methods& methods, const PatchSet& patches, const MethodSpec& spec, const FormFactorMatrix& f, size_t count, uint32_t better) {
+  ProbeRows probes;
+  if (spec.kind == MethodSpec::Kind::exact) return probes;
+  probes.patches = chooseProbes(patches, count);
+  const auto make = [&](const MethodSpec& how, std::vector<FormFactorMatrix>& to) {
+    to.emplace_back(f.size());
+    methods.maker(how)->makeRows(probes.patches, to.back(), [](size_t) {});
+  };
+  MethodSpec reference = spec;
+  reference.kind = MethodSpec::Kind::rays;
+  reference.rays = spec.kind == MethodSpec::Kind::rays ? better * spec.rays
+                   : count > kProbes || spec.resolution > 64 ? 65536 : 16384;
+  if (spec.kind == MethodSpec::Kind::rays) reference.rays = std::min(reference.rays, std::max(2 * spec.rays, 1u << 18));
+  reference.seed = mixBits(spec.seed);
+  make(reference, probes.reference);
+  if (spec.kind == MethodSpec::Kind::rays && !probes.patches.empty()) {
+    constexpr size_t kMostRays = size_t{1} << 22;
+    for (size_t k = 1; k + 1 < 2 * count / probes.patches.size() && k * spec.rays * probes.patches.size() < kMostRays; ++k) {
+      MethodSpec again = spec;
+      again.seed = mixBits(spec.seed + k);
+      make(again, probes.again);
+    }
+  }
+  return probes;
+}
+
 double relativeError(const FormFactorMatrix& f, const PatchSet& patches, const Lighting& lighting) {
   double squares = 0, area = 0;
   Rgb total(0);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "cli/methods.h"
+#include "formfactor/error_model.h"
 #include "solve/irradiance_error.h"
 
 namespace farol {
@@ -52,6 +53,12 @@ class LightingMaker {
 // Rows of some patches once more, by other random numbers or, for hemicubes, by many rays; their direct light is left to the
 // lighting.
 Replicates replicatesOf(Methods& methods, const PatchSet& patches, const MethodSpec& spec, const FormFactorMatrix& f, size_t probes);
+
+inline constexpr size_t kProbes = 24;  // rows made better to tell how good the others are; more when methods are compared
+
+// About `count` rows by many rays, `better` times as many as those of `spec`, as a reference; in scenes of few patches also
+// rows like F's with other seeds.
+ProbeRows makeProbes(Methods& methods, const PatchSet& patches, const MethodSpec& spec, const FormFactorMatrix& f, size_t count, uint32_t better = 16);
 
 // Root of the area-weighted mean square of `error`, over the mean of H (worst channel); areas are exposed areas.
 double relativeError(const FormFactorMatrix& f, const PatchSet& patches, const Lighting& lighting);

@@ -6,6 +6,7 @@
 #include "cli/adapting.h"
 #include "cli/chart_run.h"
 #include "cli/choices.h"
+#include "cli/compare_run.h"
 #include "cli/comparison_text.h"
 #include "cli/report.h"
 #include "cli/tolerance.h"
@@ -30,7 +31,6 @@
 namespace farol {
 namespace {
 
-constexpr size_t kProbes = 24;  // rows made better to tell how good the others are; more when methods are compared
 
 // One run of render, solve, factors, compare or info: the stages in order, each leaving its result in a member.
 class Run {
@@ -203,7 +203,7 @@ class Run {
     countPatches();
     reportStorage();
     report_.clock.finish("form factors");
-    model_ = fitErrorModel(*f_, patches_, makeProbes(*spec_, *f_, options_.tolerance > 0 ? kProbes / 3 : kProbes), samplesOf(*spec_));
+    model_ = fitErrorModel(*f_, patches_, makeProbes(methods_, patches_, *spec_, *f_, options_.tolerance > 0 ? kProbes / 3 : kProbes, options_.tolerance > 0 ? 4 : 16), samplesOf(*spec_));
     replicateRows();
     if (spec_->kind == MethodSpec::Kind::exact) model_ = {};
     if (options_.repair) repair();
@@ -264,34 +264,6 @@ class Run {
     report_.clock.finish("checks");
     say("form factors: {} rows of {} in {:.2f} s from {}", f_->size(), kept_->about().method,
         report_.clock.secondsOf("form factors"), options_.factors);
-  }
-
-  // Rows of a few patches by many rays, as a reference; in scenes of few patches also rows like F's with other seeds.
-  ProbeRows makeProbes(const MethodSpec& spec, const FormFactorMatrix& f, size_t count) {
-    ProbeRows probes;
-    if (spec.kind == MethodSpec::Kind::exact) return probes;
-    probes.patches = chooseProbes(patches_, count);
-    const auto make = [&](const MethodSpec& how, std::vector<FormFactorMatrix>& to) {
-      to.emplace_back(f.size());
-      methods_.maker(how)->makeRows(probes.patches, to.back(), [](size_t) {});
-    };
-    MethodSpec reference = spec;
-    reference.kind = MethodSpec::Kind::rays;
-    const uint32_t better = options_.tolerance > 0 ? 4 : 16;  // a table of so many rays costs more than the rows of few probes
-    reference.rays = spec.kind == MethodSpec::Kind::rays ? better * spec.rays
-                     : count > kProbes || spec.resolution > 64 ? 65536 : 16384;
-    if (spec.kind == MethodSpec::Kind::rays) reference.rays = std::min(reference.rays, std::max(2 * spec.rays, 1u << 18));
-    reference.seed = mixBits(spec.seed);
-    make(reference, probes.reference);
-    if (spec.kind == MethodSpec::Kind::rays && !probes.patches.empty()) {
-      constexpr size_t kMostRays = size_t{1} << 22;
-      for (size_t k = 1; k + 1 < 2 * count / probes.patches.size() && k * spec.rays * probes.patches.size() < kMostRays; ++k) {
-        MethodSpec again = spec;
-        again.seed = mixBits(spec.seed + k);
-        make(again, probes.again);
-      }
-    }
-    return probes;
   }
 
   // Their differences to F's rows tell the error of H.
@@ -560,38 +532,6 @@ class Run {
         low, high, mean);
   }
 
-  // One side of a comparison: a matrix with its name and error model.
-  struct Side {
-    std::string name;
-    FormFactorMatrix f;
-    ErrorModel error;
-    double seconds = 0;
-  };
-
-  static bool isFile(const std::string& text) { return text.ends_with(".npy") || text.ends_with(".npz"); }
-
-  FormFactorMatrix loadFile(const std::string& path) const {
-    if (path.ends_with(".npy")) return loadFactorsNpy(path, patches_.size());
-    const FactorArchive archive(path);
-    archive.requireSame(fingerprintOf(facets_, patches_), options_.scene);
-    return archive.load(patches_.size(), allowedBytes(options_) / 2);
-  }
-
-  Side makeSide(const std::string& text, std::optional<MethodSpec> spec) {
-    const Stopwatch watch;
-    if (!spec) return {text, loadFile(text), {}, watch.seconds()};
-    chooseStorage(situation_, *spec);
-    Side side{methodText(*spec), FormFactorMatrix(patches_.size(), allowedBytes(options_) / 2), {}, 0};
-    const std::unique_ptr<RowMaker> maker = methods_.maker(*spec);
-    // Every patch has a row on both sides, whatever each method sees; beside a file the patches that the file has.
-    makeFormFactors(*maker, patches_, !isFile(options_.methodA) && !isFile(options_.methodB), log_, side.f);
-    side.seconds = watch.seconds();
-    constexpr size_t kMany = 256;
-    side.error = fitErrorModel(side.f, patches_, makeProbes(*spec, side.f, kMany), samplesOf(*spec));
-    if (spec->kind == MethodSpec::Kind::exact) side.error = {};
-    return side;
-  }
-
   static bool isSolver(const std::string& text) { return text == "gpu" || text == "cpu"; }
 
   // The same rows and lamps solved on the CPU and on the device.
@@ -614,19 +554,7 @@ class Run {
       if (!solutions[side].deviceFailure.empty()) throw Error(solutions[side].deviceFailure);
       c.sides[side] = {onDevice ? device->info().name : "CPU", watch.seconds(), solutions[side].sweeps, solutions[side].error};
     }
-    Rgb squares(0), total(0);
-    for (size_t i = 0; i < patches_.size(); ++i) {
-      const Rgb &x = solutions[0].radiosity[i], &y = solutions[1].radiosity[i];
-      const double area = patches_.patches[i].area;
-      squares += area * (x - y) * (x - y);
-      total += area * 0.5 * (x + y);
-      for (int k = 0; k < 3; ++k) {
-        if (x[k] > 0) c.largest = std::max(c.largest, std::abs(x[k] - y[k]) / x[k]);
-      }
-    }
-    for (int k = 0; k < 3; ++k) {
-      if (total[k] > 0) c.rms = std::max(c.rms, std::sqrt(squares[k] * report_.area) / total[k]);
-    }
+    addDifference(solutions[0], solutions[1], patches_, c);
     report_.solverComparison = c;
     report_.clock.finish("compare");
     for (const SolverComparison::Side& side : c.sides)
@@ -636,62 +564,11 @@ class Run {
 
   void compare() {
     if (isSolver(options_.methodA) || isSolver(options_.methodB)) return compareSolvers();
-    const auto specOf = [&](const std::string& text) {
-      if (isFile(text)) return std::optional<MethodSpec>();
-      std::optional<MethodSpec> spec = parseMethod(text);
-      spec->seed = options_.seed;
-      requireFollowed(situation_, spec->kind);
-      const std::string blocker = spec->kind == MethodSpec::Kind::exact ? whatMayBlock(scene_, facets_) : "";
-      if (!blocker.empty()) throw Error("{}: closed forms hold only where nothing can block: {}", options_.scene, blocker);
-      return spec;
-    };
-    const auto specA = specOf(options_.methodA), specB = specOf(options_.methodB);
-    // A method comes before a file: it settles which patches there are.
-    std::optional<Side> a, b;
-    if (!specA && specB) b = makeSide(options_.methodB, specB);
-    a = makeSide(options_.methodA, specA);
-    if (!b) b = makeSide(options_.methodB, specB);
-    spec_ = specA ? specA : specB ? specB : std::optional(specFrom(options_, MethodSpec::Kind::rays));
-    report_.clock.finish("form factors");
-    const Comparison c = compareFactors(a->f, a->error, b->f, b->error, patches_);
-    const bool estimated = a->error.samples > 0 || b->error.samples > 0;
-    report_.comparison = ComparisonReport{a->name,
-                                          b->name,
-                                          c,
-                                          checkFormFactors(a->f, patches_),
-                                          checkFormFactors(b->f, patches_),
-                                          radiosityChange(a->f, b->f),
-                                          a->seconds,
-                                          b->seconds,
-                                          estimated,
-                                          {}};
-    for (const uint32_t p : {c.worst, c.rows[c.worst].more, c.rows[c.worst].less})
-      report_.comparison->worst.push_back(p == kNone ? "" : surfaceNameOf(scene_, patches_.patches[p]));
-    report_.clock.finish("compare");
+    CompareRun run(situation_, patches_, lightings_, log_, report_.clock);
+    report_.comparison = run.compare();
+    spec_ = run.spec();
     say("{}", comparisonText(*report_.comparison, scene_, patches_));
-    if (!options_.output.empty()) drawDifference(c);
-  }
-
-  // Both solved with the same lamps: rms difference of H over the mean of H, worst channel; 0 without light.
-  double radiosityChange(const FormFactorMatrix& a, const FormFactorMatrix& b) {
-    if (!lit()) return 0;
-    Replicates none;
-    const Lighting lit = lightings_.make(scene_, patches_, options_.sky, a, *spec_, none, nullptr);
-    SolveOptions o;
-    o.sky = options_.sky;
-    const Solution& first = lit.solution;
-    const Solution second = solveRadiosity(b, patches_, lit.direct, scene_, o, log_);
-    Rgb squares(0), total(0);
-    for (size_t i = 0; i < patches_.size(); ++i) {
-      const Rgb d = first.irradiance[i] - second.irradiance[i];
-      squares += patches_.patches[i].area * d * d;
-      total += patches_.patches[i].area * 0.5 * (first.irradiance[i] + second.irradiance[i]);
-    }
-    double worst = 0;
-    for (int k = 0; k < 3; ++k) {
-      if (total[k] > 0) worst = std::max(worst, std::sqrt(squares[k] * report_.area) / total[k]);
-    }
-    return worst;
+    if (!options_.output.empty()) drawDifference(report_.comparison->comparison);
   }
 
   void drawDifference(const Comparison& c) {

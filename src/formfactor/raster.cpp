@@ -6,6 +6,8 @@
 #include "formfactor/hybrid.h"
 #include "formfactor/images.h"
 #include "formfactor/near_field.h"
+#include "formfactor/raster_tables.h"
+#include "formfactor/row_accumulator.h"
 #include "gpu/batch_size.h"
 #include "patch/positions.h"
 #include "shaders/hemicube.frag.h"
@@ -32,54 +34,7 @@ using shader::toVec4;
 // Depth is a float in reversed z, so a tiny near distance costs no precision.
 constexpr double kNear = 1e-6;
 constexpr double kEdgeOn = 4e-7;                  // a few float32 roundings of points at most 0.5 from the centre
-constexpr double kFullHemisphere = 4294967295.0;  // 2^32 - 1, the sum of all delta form factors
 constexpr uint32_t kFirstBatch = 16;              // hemicubes: nobody knows yet how long they take
-constexpr uint32_t kAllBacks = 0xFFFFFFFFu;       // a position that sees nothing but black backs lies inside a solid
-
-std::vector<shader::FacetRecord> facetRecords(const FacetSet& facets, const PatchSet& patches) {
-  std::vector<shader::FacetRecord> records;
-  for (size_t i = 0; i < facets.facets.size(); ++i) {
-    const CellGrid& g = patches.grids[i];
-    const Facet& f = facets.facets[i];
-    const double distance = glm::dot(f.normal, facets.points[f.corners[0]]);
-    records.push_back({toVec4(f.normal, distance), g.frontCell, g.backCell, g.nu, f.parallelogram ? g.nv : 0});
-  }
-  return records;
-}
-
-// Bin of every item: its cell's patch; then the bins for nothing seen, for black backs, where cells without a patch go as
-// well, and for what an image does not show.
-std::vector<uint32_t> itemBins(const PatchSet& patches) {
-  const auto count = static_cast<uint32_t>(patches.size());
-  std::vector<uint32_t> bins;
-  bins.reserve(patches.cellMap.size() + 2);
-  for (const uint32_t patch : patches.cellMap) bins.push_back(patch == kNone ? count + 1 : patch);
-  bins.insert(bins.end(), {count, count + 1, count + 2});
-  return bins;
-}
-
-// The mirror that an item shows, or kNoCell.
-std::vector<uint32_t> itemMirrors(const PatchSet& patches, const ImageTrees* images) {
-  std::vector<uint32_t> mirrors;
-  if (images == nullptr) return mirrors;
-  for (const uint32_t patch : patches.cellMap) mirrors.push_back(patch == kNone ? kNone : images->mirrorOfPatch()[patch]);
-  mirrors.insert(mirrors.end(), 3, shader::kNoCell);
-  return mirrors;
-}
-
-std::vector<shader::FaceRecord> faceRecordsOf(const ProjectionLayout& layout) {
-  std::vector<shader::FaceRecord> records;
-  for (const ProjectionFace& f : layout.faces)
-    records.push_back({toVec4(f.right, f.low), toVec4(f.up, f.bottom), toVec4(f.forward)});
-  return records;
-}
-
-bool isIdentity(const PatchSet& patches) {
-  for (uint32_t c = 0; c < patches.cellMap.size(); ++c) {
-    if (patches.cellMap[c] != c) return false;
-  }
-  return true;
-}
 
 struct Hemicube {
   uint32_t patch;
@@ -108,59 +63,6 @@ shader::HemicubeFrame frameOf(const MirrorImage& image) {
   return {toVec4(p.origin, image.flipped ? 1 : 0), toVec4(p.x), toVec4(p.y), toVec4(p.z),
           toVec4(image.clipNormal, -image.clipDistance - 2 * kEdgeOn)};
 }
-
-// A row under way: weighted counts of the positions seen so far, in order, in double.
-struct Accumulator {
-  std::vector<double> sums;    // [bins]
-  double exposed = 0;          // weight of the positions that are not inside a solid
-  ContinuedEntries continued;  // hybrid: what paths add, in shares of a position's weight
-
-  void clear(size_t bins) {
-    sums.assign(bins, 0.0);
-    exposed = 0;
-  }
-
-  void add(const uint32_t* counts, double weight) {
-    const size_t bins = sums.size();  // without that of what images do not show
-    if (counts[bins - 1] == kAllBacks) return;
-    exposed += weight;
-    for (size_t j = 0; j < bins; ++j) sums[j] += weight * counts[j];
-  }
-
-  void store(RowStore& store, uint32_t patch, double share) const {
-    const size_t patches = sums.size() - 2;
-    const double scale = exposed > 0 ? 1 / (kFullHemisphere * exposed) : 0;
-    if (continued.specular > 0) {
-      std::vector<double> first(sums.begin(), sums.begin() + static_cast<std::ptrdiff_t>(patches));
-      for (double& value : first) value *= scale;
-      return storeContinued(store, patch, first, continued, 1 / exposed, {scale * sums[patches], scale * sums[patches + 1], share});
-    }
-    for (int c = 0; c < 3; ++c) {
-      RowStore* to = c == 0 ? &store : store.channel(c);
-      if (to == nullptr) break;
-      const std::span<float> row = to->row(patch);
-      for (size_t j = 0; j < patches; ++j) row[j] = static_cast<float>(scale * sums[j]);
-      to->finish(patch, {scale * sums[patches], scale * sums[patches + 1], share});
-    }
-  }
-
-  // A row of what pixels see first and of what paths add, `scale` times.
-  static void storeContinued(RowStore& store, uint32_t patch, std::span<const double> first,
-                             const ContinuedEntries& more, double scale, const RowShares& shares) {
-    for (int c = 0; c < more.channels(); ++c) {
-      RowStore& to = c == 0 ? store : *store.channel(c);
-      const std::span<float> row = to.row(patch);
-      for (size_t j = 0; j < row.size(); ++j) row[j] = static_cast<float>(first[j] + scale * more.of(c)[j]);
-      RowShares own = shares;
-      own.missed += scale * more.ends.missed[c];
-      own.backs += scale * more.ends.backs[c];
-      own.cut = scale * more.ends.cut[c];
-      own.absorbed = scale * more.ends.absorbed[c];
-      own.specular = scale * more.specular;
-      to.finish(patch, own);
-    }
-  }
-};
 
 }  // namespace
 
@@ -401,7 +303,7 @@ struct RasterRowMaker::Impl {
   void storeSingleHybrid(RowStore& store, const Slot& slot, size_t k, const uint32_t* counts) {
     const uint32_t patch = slot.hemicubes[k].patch;
     const double share = counts[backBin] == kAllBacks ? 0 : exposedShare(patch, 1);
-    Accumulator& scratchRow = scratch.local();
+    RowAccumulator& scratchRow = scratch.local();
     scratchRow.continued.clear(patches.size(), store.channel(1) != nullptr ? 3 : 1);
     std::vector<float> row(patches.size(), 0.0f);
     RowShares shares{0, 0, 0};
@@ -417,7 +319,7 @@ struct RasterRowMaker::Impl {
       if (options.images != nullptr) addImages(slot, k, 1, factors, scratchRow.continued);
     }
     const std::vector<double> first(row.begin(), row.end());
-    Accumulator::storeContinued(store, patch, first, scratchRow.continued, 1, shares);
+    RowAccumulator::storeContinued(store, patch, first, scratchRow.continued, 1, shares);
   }
 
   // One position: no sum to keep.
@@ -434,7 +336,7 @@ struct RasterRowMaker::Impl {
     }
   }
 
-  void storeSum(const Accumulator& row, RowStore& store, uint32_t patch) const {
+  void storeSum(const RowAccumulator& row, RowStore& store, uint32_t patch) const {
     row.store(store, patch, exposedShare(patch, row.exposed));
   }
 
@@ -458,7 +360,7 @@ struct RasterRowMaker::Impl {
       runs.back().last = k;
     }
     const auto counts = slot.rows.as<const uint32_t>();
-    const auto addRun = [&](const Run& run, Accumulator& to) {
+    const auto addRun = [&](const Run& run, RowAccumulator& to) {
       for (size_t k = run.first; k <= run.last; ++k) {
         if (slot.hemicubes[k].isImage) continue;
         const uint32_t* own = counts.data() + k * bins;
@@ -469,7 +371,7 @@ struct RasterRowMaker::Impl {
       }
     };
     const int channels = store.channel(1) != nullptr ? 3 : 1;
-    const auto clear = [&](Accumulator& to) {
+    const auto clear = [&](RowAccumulator& to) {
       to.clear(patches.size() + 2);
       if (paths || options.images != nullptr) to.continued.clear(patches.size(), channels);
     };
@@ -480,7 +382,7 @@ struct RasterRowMaker::Impl {
       if (options.positions == 1 && (paths || options.images != nullptr))
         return storeSingleHybrid(store, slot, runs[r].first, counts.data() + runs[r].first * bins);
       if (options.positions == 1) return storeSingle(store, only.patch, counts.data() + runs[r].first * bins);
-      Accumulator& row = scratch.local();
+      RowAccumulator& row = scratch.local();
       clear(row);
       addRun(runs[r], row);
       storeSum(row, store, slot.hemicubes[runs[r].first].patch);
@@ -567,8 +469,8 @@ struct RasterRowMaker::Impl {
   gpu::Bindings reduceBindings;
   std::vector<Slot> slots;
   std::optional<PixelPaths> paths;  // hybrid
-  tbb::enumerable_thread_specific<Accumulator> scratch;
-  Accumulator carry;
+  tbb::enumerable_thread_specific<RowAccumulator> scratch;
+  RowAccumulator carry;
   bool carrying = false;
 };
 
