@@ -34,8 +34,9 @@ void RowAccumulator::store(RowStore& store, uint32_t patch, double share) const 
 void RowAccumulator::storeContinued(RowStore& store, uint32_t patch, std::span<const double> first,
                            const ContinuedEntries& more, double scale, const RowShares& shares) {
   for (int c = 0; c < more.channels(); ++c) {
-    RowStore& to = c == 0 ? store : *store.channel(c);
-    const std::span<float> row = to.row(patch);
+    RowStore* to = c == 0 ? &store : store.channel(c);
+    if (to == nullptr) break;
+    const std::span<float> row = to->row(patch);
     for (size_t j = 0; j < row.size(); ++j) row[j] = static_cast<float>(first[j] + scale * more.of(c)[j]);
     RowShares own = shares;
     own.missed += scale * more.ends.missed[c];
@@ -43,7 +44,7 @@ void RowAccumulator::storeContinued(RowStore& store, uint32_t patch, std::span<c
     own.cut = scale * more.ends.cut[c];
     own.absorbed = scale * more.ends.absorbed[c];
     own.specular = scale * more.specular;
-    to.finish(patch, own);
+    to->finish(patch, own);
   }
 }
 
