@@ -116,6 +116,7 @@ TEST_F(KeptFactors, AreRefusedWhereTheyDoNotBelong) {
   writeText(path("specular.gltf"), specular.dump());
   expectRefused("solve " + path("specular.gltf") + with, "mirrors or clear glass differ");
   expectRefused("solve " + path("room.gltf") + " --patches 600" + with, "are for --patches 500");
+  expectRefused("solve " + path("room.gltf") + " --cluster 20" + with, "leave --cluster out");
   expectRefused("solve " + path("room.gltf") + " --rays 9" + with, "--factors");
   EXPECT_EQ(farol("solve " + path("room.gltf") + " --patches 500" + with).exitCode, 0);
 }
