@@ -142,7 +142,7 @@ StorageChoice chooseStorage(const Situation& at, const MethodSpec& spec) {
 PlaceChoice chooseSolvePlace(const Situation& at, const FormFactorMatrix& f) {
   const Options& o = at.options;
   if (o.solveOn != "auto") return {o.solveOn == "gpu", "asked for"};
-  if (o.gave("--solver") && o.solver == SolverKind::gaussSeidel) return {false, "Gauss-Seidel sweeps in order"};
+  if (o.gave("--solver") && o.solver != SolverKind::jacobi) return {false, fmt::format("{} is made on the CPU", solverName(o.solver))};
   // Some ten sweeps at a rate that any machine reaches, against what opening a device takes.
   constexpr double kSweeps = 10, kBytesPerSecond = 1e10, kWorthLooking = 0.5;
   if (static_cast<double>(f.bytes()) * kSweeps / kBytesPerSecond < kWorthLooking)
@@ -150,7 +150,7 @@ PlaceChoice chooseSolvePlace(const Situation& at, const FormFactorMatrix& f) {
   if (hardwareDevices().empty()) return {false, "no GPU: a software device reads F no faster than the CPU"};
   const gpu::Device& device = at.methods.device();
   const SweepSeconds seconds = measureSweeps(f, at.patches, device);
-  // Jacobi needs about twice the sweeps of Gauss-Seidel; a winner must lead by 20 %.
+  // Jacobi needs at least twice the sweeps of conjugate residuals; a winner must lead by 20 %.
   const double onDevice = seconds.upload + 2 * kSweeps * seconds.device, here = kSweeps * seconds.host;
   return {1.2 * onDevice < here, fmt::format("measured: a sweep takes {:.3g} s here and {:.3g} s on {}, to which F comes in {:.3g} s",
                                              seconds.host, seconds.device, device.info().name, seconds.upload)};

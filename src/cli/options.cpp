@@ -12,7 +12,8 @@ namespace {
 const std::map<std::string, Projection> kProjections = {{"hemicube", Projection::hemicube},
                                                         {"tetrahedron", Projection::tetrahedron}};
 const std::map<std::string, SolverKind> kSolvers = {{"gauss-seidel", SolverKind::gaussSeidel},
-                                                    {"jacobi", SolverKind::jacobi}};
+                                                    {"jacobi", SolverKind::jacobi},
+                                                    {"conjugate-residuals", SolverKind::conjugateResiduals}};
 
 std::string endingOf(const std::string& path) {
   const size_t dot = path.rfind('.');
@@ -21,7 +22,7 @@ std::string endingOf(const std::string& path) {
 
 // Values that CLI11 has no type for, as text until they are checked.
 struct RawOptions {
-  std::string size = "1280x720", sky, projection = "hemicube", solver = "gauss-seidel", illumination = "global";
+  std::string size = "1280x720", sky, projection = "hemicube", solver = "conjugate-residuals", illumination = "global";
   std::string nearField = "on", emitters = "apart";
 };
 
@@ -119,8 +120,8 @@ void addLight(CLI::App* app, Options& o, RawOptions& raw) {
 
 void addSolve(CLI::App* app, Options& o, RawOptions& raw) {
   addLight(app, o, raw);
-  app->add_option("--solver", raw.solver, "gauss-seidel or jacobi")
-      ->check(CLI::IsMember({"gauss-seidel", "jacobi"}))
+  app->add_option("--solver", raw.solver, "conjugate-residuals, gauss-seidel or jacobi")
+      ->check(CLI::IsMember({"conjugate-residuals", "gauss-seidel", "jacobi"}))
       ->group("Solution");
   app->add_option("--solve-on", o.solveOn, "cpu, or gpu: Jacobi sweeps on the Vulkan device; auto measures")
       ->check(CLI::IsMember({"auto", "cpu", "gpu"}))
@@ -273,7 +274,10 @@ const char* projectionName(Projection projection) {
   return projection == Projection::hemicube ? "hemicube" : "tetrahedron";
 }
 const char* solverName(SolverKind kind) {
-  return kind == SolverKind::gaussSeidel ? "gauss-seidel" : "jacobi";
+  for (const auto& [name, k] : kSolvers) {
+    if (k == kind) return name.c_str();
+  }
+  return "";
 }
 
 Options parseOptions(int argc, char** argv, bool& handled) {

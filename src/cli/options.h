@@ -62,7 +62,7 @@ struct Options {
   Rgb sky{0};
   bool emittersApart = true;
   uint32_t shadowRays = 64;
-  SolverKind solver = SolverKind::gaussSeidel;
+  SolverKind solver = SolverKind::conjugateResiduals;
   std::string solveOn = "auto";
   double residual = 1e-5;
   size_t maxSweeps = 100000;

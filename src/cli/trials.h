@@ -12,7 +12,7 @@ struct Setting {
   MethodSpec spec;
   bool emittersApart = true;
   uint32_t shadowRays = 64;
-  SolverKind solver = SolverKind::gaussSeidel;
+  SolverKind solver = SolverKind::conjugateResiduals;
   double residual = 1e-5;
 };
 

@@ -142,8 +142,8 @@ void GpuJacobi::sweep(uint32_t count) {
   commands_.wait();
 }
 
-GpuJacobi::Result GpuJacobi::reflections(const Channels& r, double goal, size_t mostSweeps) {
-  Result result{Channels::Zero(static_cast<Eigen::Index>(patches_), 3), {}};
+Reflections GpuJacobi::reflections(const Channels& r, double goal, size_t mostSweeps) {
+  Reflections result{Channels::Zero(static_cast<Eigen::Index>(patches_), 3), {}};
   const double scale = largest(r);  // keeps float32 away from its smallest numbers
   result.changes.push_back(scale);
   put(r, scale, residual_);
@@ -158,13 +158,9 @@ GpuJacobi::Result GpuJacobi::reflections(const Channels& r, double goal, size_t 
     size_.took(count, watch.seconds());
     const auto bits = download_.as<uint32_t>();
     for (uint32_t s = 0; s < count; ++s) result.changes.push_back(scale * static_cast<double>(std::bit_cast<float>(bits[s])));
-    const double last = result.changes.back(), before = result.changes[result.changes.size() - 2];
-    const double factor = last / std::max(before, 1e-300);
-    const double left = factor < 1 ? last * factor / (1 - factor) : last;
-    const double target = std::max(kWellBelow * goal, kFloor * scale);
-    more = std::isfinite(last) && factor < 1 && left > target && result.changes.size() < mostSweeps;
-    const double missing = more ? std::log(target / left) / std::log(factor) : 0;
-    batch_ = static_cast<uint32_t>(std::clamp(std::ceil(missing), 1.0, static_cast<double>(size_.now())));
+    const double missing = sweepsMissing(result.changes, std::max(kWellBelow * goal, kFloor * scale));
+    more = missing > 0 && result.changes.size() < mostSweeps;
+    batch_ = static_cast<uint32_t>(std::clamp(missing, 1.0, static_cast<double>(size_.now())));
   }
   commands_.begin();
   commands_.copy(fields_[current_], download_, 12ull * padded_);
@@ -172,9 +168,10 @@ GpuJacobi::Result GpuJacobi::reflections(const Channels& r, double goal, size_t 
   commands_.wait();
   const auto found = download_.as<float>();
   for (size_t c = 0; c < 3; ++c) {
-    for (size_t k = 0; k < reflecting_.size(); ++k)
-      result.sum(static_cast<Eigen::Index>(reflecting_[k]), static_cast<Eigen::Index>(c)) =
-          scale * static_cast<double>(found[c * padded_ + k]);
+    for (size_t k = 0; k < reflecting_.size(); ++k) {
+      const auto i = static_cast<Eigen::Index>(reflecting_[k]), channel = static_cast<Eigen::Index>(c);
+      result.sum(i, channel) = scale * static_cast<double>(found[c * padded_ + k]) - r(i, channel);
+    }
   }
   return result;
 }

@@ -16,12 +16,9 @@ class GpuJacobi {
   GpuJacobi(const gpu::Device& device, const FormFactorMatrix& f, const std::vector<size_t>& reflecting,
             const Channels& reflectance);
 
-  struct Result {
-    Channels sum;                 // r + rho F r + (rho F)^2 r + ...
-    std::vector<double> changes;  // largest, of each sweep; of r itself first
-  };
-  // Until what the remaining sweeps would add is well below `goal`, or changes have stopped to shrink.
-  Result reflections(const Channels& r, double goal, size_t mostSweeps);
+  // Until what the remaining sweeps would add is well below `goal`, or changes have stopped to shrink. Of reflecting
+  // patches only.
+  Reflections reflections(const Channels& r, double goal, size_t mostSweeps);
 
   // Of F on the device.
   static uint64_t bytesFor(size_t patches);

@@ -2,7 +2,9 @@
 
 #include "base/error.h"
 #include "base/machine.h"
+#include "solve/gather.h"
 #include "solve/gpu_jacobi.h"
+#include "solve/host_sweeps.h"
 #include "solve/system.h"
 
 #include <array>
@@ -11,56 +13,6 @@
 
 namespace farol {
 namespace {
-
-constexpr size_t kBlock = 128;  // rows that Gauss-Seidel gathers together
-
-// Calls `use(place, factor)` for parts of entries of row i that lie in the block (ascending patches).
-template <typename Use>
-void forEachWithin(const FormFactorRow& row, std::span<const size_t> block, Use&& use) {
-  const size_t first = block.front(), last = block.back();
-  const auto inOrder = [&](size_t j, double value) {
-    const auto at = std::lower_bound(block.begin(), block.end(), j);
-    if (at != block.end() && *at == j) use(static_cast<size_t>(at - block.begin()), value);
-  };
-  for (size_t k = 0; k < block.size() && !row.dense.empty(); ++k) use(k, static_cast<double>(row.dense[block[k]]));
-  for (size_t k = 0; k < block.size() && !row.steps.empty(); ++k) use(k, row.steps[block[k]] * static_cast<double>(row.weight));
-  if (!row.values.empty()) {
-    for (auto at = std::lower_bound(row.ids.begin(), row.ids.end(), first); at != row.ids.end() && *at <= last; ++at)
-      inOrder(*at, static_cast<double>(row.values[static_cast<size_t>(at - row.ids.begin())]));
-  } else if (row.steps.empty()) {
-    for (const uint32_t j : row.ids) {
-      if (j - first <= last - first) inOrder(j, static_cast<double>(row.weight));
-    }
-  }
-}
-
-// One sweep in place; returns the largest change. Rows of a block are gathered together, on all cores, from the radiosity
-// before the block; what changes within the block is then added in order: Gauss-Seidel up to rounding.
-double sweepGaussSeidel(const System& s, Field& b) {
-  double change = 0;
-  std::array<Eigen::RowVector3d, kBlock> sums, changes;
-  for (size_t first = 0; first < s.reflecting.size(); first += kBlock) {
-    const auto block = std::span(s.reflecting).subspan(first, std::min(kBlock, s.reflecting.size() - first));
-    forParts(block, [&](std::span<const size_t> patches, size_t at) { s.gather(patches, b, &sums[at]); });
-    for (size_t k = 0; k < block.size(); ++k) {
-      const auto i = static_cast<Eigen::Index>(block[k]);
-      forEachWithin(s.factors()[block[k]], block.first(k + 1), [&](size_t l, double factor) {
-        if (l < k) sums[k] += factor * changes[l];
-      });
-      const Eigen::RowVector3d next = s.updated(i, sums[k]);
-      changes[k] = next - b.columns().row(i);
-      change = std::max(change, changes[k].cwiseAbs().maxCoeff());
-      b.set(i, next);
-    }
-  }
-  return change;
-}
-
-double sweepJacobi(const System& s, Field& b) {
-  const Channels r = s.residualOf(b);  // the change of a Jacobi sweep is the residual before it
-  b.add(r);
-  return largest(r);
-}
 
 // Radiosity that errors are measured against: the mean of the brightest channel over patches that do not emit,
 // or over all patches when every patch emits or the others are black.
@@ -129,7 +81,6 @@ Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const Dir
                         const Scene& scene, const SolveOptions& options, const Log& log) {
   requireSteadyState(f, patches, scene, options.sky);
   const System system(f, patches, direct, options.sky);
-  Field b(system.start());
   Solution result;
   result.bound = system.bound;
   Progress progress(log, "solve", "sweeps", 0);
@@ -138,6 +89,7 @@ Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const Dir
                 scene.path, result.sweeps, found, system.bound, system.worstRow);
   };
   std::optional<GpuJacobi> onDevice;
+  HostSweeps onHost(system, patches, options.kind);
   // A device that fails is left: b and r are the host's, so nothing is lost but time.
   const auto triedOnDevice = [&](const auto& work) {
     try {
@@ -155,73 +107,86 @@ Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const Dir
     triedOnDevice([&] { onDevice.emplace(*options.device, f, system.reflecting, system.reflectance); });
 
   const Reference meanRadiosity(patches);
-  Channels r = system.residualOf(b);
+  // The residual of B = 0 is E + rho S, and takes no sweep; that of any other B takes as long as one.
+  Field b(Channels::Zero(static_cast<Eigen::Index>(patches.size()), 3));
+  Channels r = system.start(), gathered = b.columns();
+  double seen = 0;  // of the contraction, by sweeps
+  bool free = !onDevice;
+  if (!free) {  // a device knows of reflecting patches only
+    b.add(r);
+    r = system.residualOf(b, gathered);
+  }
   result.residual = largest(r);
   const double firstResidual = result.residual;
-  double patience = 1;  // the true residual is looked at when a sweep's change suggests that it is small enough
   result.converged = firstResidual == 0;
   result.history.push_back(firstResidual);
   while (!result.converged && result.sweeps < options.maxSweeps) {
-    double change = 0;
+    // Sweeps for what r still lacks: the sum of all its reflections. A device makes them in float32.
+    size_t most = options.maxSweeps - result.sweeps + (free ? 1 : 0);
+    constexpr size_t kFirstLook = 8;  // at sums that may grow
+    const bool krylov = options.kind == SolverKind::conjugateResiduals && !onDevice;
+    if (system.bound > 1 && !krylov) most = std::min(most, std::max(kFirstLook, result.sweeps) + (free ? 1 : 0));
+    Reflections made;
     if (onDevice) {
-      // Sweeps in float32 for what r still lacks: the sum of all its reflections; r itself is the host's part, in double.
       const double goal = options.residual * meanRadiosity.of(b.columns());
-      GpuJacobi::Result made;
-      if (!triedOnDevice([&] { made = onDevice->reflections(r, goal, options.maxSweeps - result.sweeps); })) continue;
-      b.add(made.sum);
-      result.sweeps += made.changes.size();
-      result.history.insert(result.history.end(), made.changes.begin(), made.changes.end());
-      change = made.changes.back();
+      if (!triedOnDevice([&] { made = onDevice->reflections(r, goal, most); })) continue;
     } else {
-      change = options.kind == SolverKind::gaussSeidel ? sweepGaussSeidel(system, b) : sweepJacobi(system, b);
-      ++result.sweeps;
-      result.history.push_back(change);
+      const Channels start = b.columns() + r;
+      made = onHost.reflections(r, [&](const Channels& sum) { return options.residual * meanRadiosity.of(start + sum); }, most);
     }
+    b.add(r);
+    b.add(made.sum);
+    result.sweeps += made.changes.size() - (free ? 1 : 0);
+    result.history.insert(result.history.end(), made.changes.begin() + (free ? 1 : 0), made.changes.end());
+    free = false;
+    const double change = made.changes.back();
     progress.update(result.sweeps);
-    const double reference = meanRadiosity.of(b.columns());
-    const bool lastSweep = result.sweeps >= options.maxSweeps;
     if (!std::isfinite(change) || change > 1e3 * firstResidual)
       refuse(fmt::format("a sweep changes radiosity by {:.3g}, the first residual was {:.3g}", change, firstResidual));
-    if (system.bound > 1 && result.sweeps >= 8 && (onDevice || std::has_single_bit(result.sweeps)) && change > 0) {
-      // Over two sweeps: rows that are not reciprocal may grow in one and shrink in the next.
-      const Channels before = system.residualOf(b), after = system.reflectOnce(Field(before));
-      const double growth =
-          std::sqrt(contractionOn(system, patches, before).ofNorm * contractionOn(system, patches, after).ofNorm);
-      if (growth >= 1) refuse(fmt::format("a sweep multiplies the residual by {:.4f}", growth));
-    }
-    if (!onDevice && change > patience * options.residual * reference && !lastSweep) continue;
 
-    r = system.residualOf(b);
+    r = system.residualOf(b, gathered);
     result.residual = largest(r);
     // One more Jacobi sweep on the residual shows how much a sweep still takes off the slowest part; after Gauss-Seidel,
-    // which leaves that part small beside the others, the ratio of its last changes does.
+    // which leaves that part small beside the others, the ratio of its last changes does. Conjugate residuals know.
     const Contraction found = contractionOn(system, patches, r);
-    const double before = result.history[result.history.size() - 2];
-    const double shrinks = before > 0 ? result.history.back() / before : 0;
-    result.contraction = std::min(std::max({found.ofLargest, found.ofNorm, shrinks}), system.bound);
-    const double room = 1 - result.contraction;
+    if (system.bound > 1 && (krylov || result.sweeps >= kFirstLook) && change > 0) {
+      // Over two sweeps: rows that are not reciprocal may grow in one and shrink in the next.
+      const double growth = std::max(made.radius, std::sqrt(found.ofNorm * contractionOn(system, patches, system.reflectOnce(Field(r))).ofNorm));
+      if (growth >= 1) refuse(fmt::format("a sweep multiplies the residual by {:.4f}", growth));
+    }
+    const size_t n = result.history.size();
+    const double before = n > 2 ? result.history[n - 3] : 0, shrinks = before > 0 ? std::sqrt(change / before) : 0;
+    seen = std::max(seen, krylov ? made.radius : shrinks);
+    result.contraction = std::min(std::max({krylov ? 0 : found.ofLargest, found.ofNorm, seen}), system.bound);
+    const double room = 1 - result.contraction, reference = meanRadiosity.of(b.columns());
     result.error = reference > 0 && room > 0 ? result.residual / room / reference : result.residual > 0 ? 1e300 : 0;
     result.converged = result.error <= options.residual;
-    // Ask again when the change has fallen by what is still missing, but after a few sweeps at the latest.
-    patience *= std::clamp(0.9 * options.residual / std::max(result.error, 1e-300), 1e-3, 0.5);
   }
 
+  
+  // Black patches are no part of the residual: their irradiance is gathered here.
+  std::vector<size_t> rest;
+  for (size_t i = 0, k = 0; i < patches.size(); ++i) {
+    if (firstResidual > 0 && k < system.reflecting.size() && system.reflecting[k] == i)
+      ++k;
+    else
+      rest.push_back(i);
+  }
+  forParts(rest, [&](std::span<const size_t> part, size_t) {
+    std::array<Eigen::RowVector3d, kRowsAtOnce> sums;
+    system.gather(part, b, sums.data());
+    for (size_t l = 0; l < part.size(); ++l) gathered.row(static_cast<Eigen::Index>(part[l])) = sums[l];
+  });
   result.radiosity.resize(patches.size());
   result.irradiance.resize(patches.size());
-  std::vector<size_t> all(patches.size());
-  std::iota(all.begin(), all.end(), size_t{0});
-  forParts(all, [&](std::span<const size_t> part, size_t at) {
-    std::array<Eigen::RowVector3d, kBlock> sums;
-    system.gather(part, b, sums.data());
-    for (size_t l = 0; l < part.size(); ++l) {
-      const size_t i = at + l;
-      const auto k = static_cast<Eigen::Index>(i);
-      const Eigen::RowVector3d h = system.source.row(k) + sums[l];
-      result.irradiance[i] = {h[0], h[1], h[2]};
-      result.radiosity[i] = {b.columns()(k, 0), b.columns()(k, 1), b.columns()(k, 2)};
-      if (direct.isApart(i)) result.radiosity[i] += patches.patches[i].emission;
-    }
-  });
+  for (size_t i = 0; i < patches.size(); ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    const Eigen::RowVector3d h = system.source.row(k) + gathered.row(k);
+    result.irradiance[i] = {h[0], h[1], h[2]};
+    result.radiosity[i] = {b.columns()(k, 0), b.columns()(k, 1), b.columns()(k, 2)};
+    if (direct.isApart(i)) result.radiosity[i] += patches.patches[i].emission;
+  }
+  
   return result;
 }
 
@@ -261,7 +226,7 @@ SweepSeconds measureSweeps(const FormFactorMatrix& f, const PatchSet& patches, c
   onDevice.sweep(kSweeps);
   seconds.device = watch.seconds() / kSweeps;
   watch = {};
-  system.residualOf(Field(r));
+  system.reflectOnce(Field(r));
   seconds.host = watch.seconds();
   return seconds;
 }

@@ -14,10 +14,11 @@ namespace gpu {
 class Device;
 }
 
-enum class SolverKind { gaussSeidel, jacobi };
+// Conjugate residuals take a fraction of the sweeps of the others where light fades slowly, and no more elsewhere.
+enum class SolverKind { gaussSeidel, jacobi, conjugateResiduals };
 
 struct SolveOptions {
-  SolverKind kind = SolverKind::gaussSeidel;
+  SolverKind kind = SolverKind::conjugateResiduals;
   // Stop when the error that the residual bounds, max|r| / (1 - contraction), is below this share of the
   // area-weighted mean radiosity of the non-emitting patches.
   double residual = 1e-5;
@@ -34,11 +35,11 @@ struct Solution {
   bool converged = true;
   size_t sweeps = 0;
   double residual = 0;     // max|E - B + rho H| over patches and channels [flux per area]
-  double contraction = 0;  // estimated factor by which a Jacobi sweep reduces the residual
+  double contraction = 0;  // spectral radius of rho F, estimated: what a Jacobi sweep leaves of the residual
   double bound = 0;        // largest reflectance times row sum: the contraction is not above it
   double error = 0;        // residual / (1 - contraction) over the mean radiosity of non-emitters
   std::string deviceFailure;    // why the device was left for the CPU; empty when it was not
-  std::vector<double> history;  // the first residual, then the largest change of each sweep
+  std::vector<double> history;  // the first residual, then each sweep's largest change, or residual (conjugate residuals)
 };
 
 // B and the residual are in double. Throws Error when the scene has no steady state: a closed part that

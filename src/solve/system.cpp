@@ -101,9 +101,12 @@ void System::gatherAll(const Field& b, Use&& use) const {
   });
 }
 
-Channels System::residualOf(const Field& b) const {
+Channels System::residualOf(const Field& b, Channels& gathered) const {
   Channels r = Channels::Zero(b.columns().rows(), 3);
-  gatherAll(b, [&](Eigen::Index i, const Eigen::RowVector3d& sum) { r.row(i) = updated(i, sum) - b.columns().row(i); });
+  gatherAll(b, [&](Eigen::Index i, const Eigen::RowVector3d& sum) {
+    gathered.row(i) = sum;
+    r.row(i) = updated(i, sum) - b.columns().row(i);
+  });
   return r;
 }
 
@@ -111,6 +114,17 @@ Channels System::reflectOnce(const Field& v) const {
   Channels out = Channels::Zero(v.columns().rows(), 3);
   gatherAll(v, [&](Eigen::Index i, const Eigen::RowVector3d& sum) { out.row(i) = reflectance.row(i).cwiseProduct(sum); });
   return out;
+}
+
+double sweepsMissing(std::span<const double> changes, double target) {
+  constexpr size_t kWhile = 8;
+  const size_t n = changes.size();
+  const double last = changes[n - 1], before = n > 1 ? changes[n - 2] : last;
+  if (!std::isfinite(last) || last == 0 || (n > kWhile && last >= changes[n - 1 - kWhile])) return 0;
+  const double factor = last / before;
+  if (factor >= 1) return 1;
+  const double left = last * factor / (1 - factor);
+  return left > target ? std::ceil(std::log(target / left) / std::log(factor)) : 0;
 }
 
 Contraction contractionOn(const System& s, const PatchSet& patches, const Channels& r) {

@@ -56,9 +56,9 @@ class System {
     return emission.row(i) + reflectance.row(i).cwiseProduct(source.row(i) + gathered);
   }
 
-  // E + rho (S + F b) - b over the reflecting patches; zero elsewhere.
-  Channels residualOf(const Field& b) const;
-  // rho F v: one Jacobi sweep applied to a difference.
+  // E + rho (S + F b) - b over the reflecting patches; zero elsewhere. Their F b goes to `gathered`.
+  Channels residualOf(const Field& b, Channels& gathered) const;
+  // rho F v over the reflecting patches: one Jacobi sweep applied to a difference.
   Channels reflectOnce(const Field& v) const;
 
   Channels emission, reflectance, source;  // emission: without emitters apart; source: irradiance without F
@@ -85,5 +85,15 @@ Contraction contractionOn(const System& s, const PatchSet& patches, const Channe
 
 // Calls `use(part, place)` for parts of at most kRowsAtOnce patches, on all cores.
 void forParts(std::span<const size_t> patches, const std::function<void(std::span<const size_t>, size_t)>& use);
+
+// Corrections to a solution with the residual r: what sweeps add to it after r itself.
+struct Reflections {
+  Channels sum;                 // rho F r + (rho F)^2 r + ...
+  std::vector<double> changes;  // largest, of each sweep; of r itself first
+  double radius = 0;            // spectral radius of rho F, where the method has seen it
+};
+// Sweeps that are still missing until what the remaining ones add is below `target`; 0: enough, or changes have stopped
+// to shrink. Judged by the last two changes and by those of eight sweeps ago.
+double sweepsMissing(std::span<const double> changes, double target);
 
 }  // namespace farol

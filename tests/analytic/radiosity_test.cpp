@@ -230,6 +230,10 @@ TEST(Corridor, TakesTheKnownNumberOfSweeps) {
       EXPECT_GT(errorAfter(sweeps - 2), 1e-6) << known.rho;
     }
     EXPECT_NEAR(solvedBy(SolverKind::jacobi, 1e-10, 100000).contraction, known.rho, 0.01 * known.rho);
+    const Solution residuals = solvedBy(SolverKind::conjugateResiduals, 1e-10, 100000);
+    EXPECT_NEAR(residuals.contraction, known.rho, 0.01 * known.rho);
+    EXPECT_LT(residuals.sweeps, 150u);
+    for (size_t k = 0; k < limit.radiosity.size(); ++k) EXPECT_NEAR(residuals.radiosity[k].r, limit.radiosity[k].r, 1e-9);
   }
 }
 

@@ -1,5 +1,7 @@
-// Sweeps of the solve in bytes of F per second, beside the machine's own read bandwidth over the same bytes.
+// Sweeps of the solve in bytes of F per second, beside the machine's own read bandwidth over the same bytes; and how many
+// of them scenes take in which light fades slowly.
 #include "base/machine.h"
+#include "factor_run.h"
 #include "gpu/gpu.h"
 #include "solve/gpu_jacobi.h"
 #include "solve/solver.h"
@@ -106,6 +108,42 @@ void jacobiOnDevice(benchmark::State& state) {
   state.SetBytesProcessed(state.iterations() * static_cast<int64_t>(4 * n * n));
   state.SetLabel(device.info().name);
 }
+
+// A closed box of white walls whose end shines: 1 x 1 x 20, the corridor of truth B7, or a cube. Rows by rays.
+struct SlowScene {
+  SlowScene(double length, double rho)
+      : run(test::loadSurfaces([&] {
+          auto box = test::closedBox({1, 1, length}, Rgb(rho));
+          box[4].emission = Rgb(1);
+          return box;
+        }()), {1500, 0}, [] {
+          RayOptions o;
+          o.rays = 1024;
+          return o;
+        }()) {
+    run.makeAll();
+  }
+  test::RayRun run;
+};
+
+void slowly(benchmark::State& state, SolverKind kind) {
+  static std::map<std::pair<int64_t, int64_t>, SlowScene> scenes;
+  const auto length = state.range(0), rho = state.range(1);
+  const auto& run = scenes.try_emplace({length, rho}, static_cast<double>(length), 1e-3 * static_cast<double>(rho)).first->second.run;
+  SolveOptions o;
+  o.kind = kind;
+  Solution s;
+  for (auto _ : state) s = solveRadiosity(run.f, run.patches, {}, run.scene, o, Log(true));
+  state.counters["sweeps"] = static_cast<double>(s.sweeps);
+  state.counters["error"] = s.error;
+  state.counters["radius"] = s.contraction;
+}
+void slowScenes(benchmark::internal::Benchmark* b) {
+  b->ArgNames({"length", "rho_1000"})->Args({20, 500})->Args({20, 950})->Args({20, 990})->Args({1, 990})->Args({1, 999})->Unit(benchmark::kMillisecond);
+}
+BENCHMARK_CAPTURE(slowly, jacobi, SolverKind::jacobi)->Apply(slowScenes);
+BENCHMARK_CAPTURE(slowly, gauss_seidel, SolverKind::gaussSeidel)->Apply(slowScenes);
+BENCHMARK_CAPTURE(slowly, conjugate_residuals, SolverKind::conjugateResiduals)->Apply(slowScenes);
 
 BENCHMARK(read)->ArgName("N")->Arg(4000)->Arg(16000)->UseManualTime()->Iterations(3)->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(sweep, jacobi, SolverKind::jacobi)->ArgName("N")->Arg(4000)->Arg(16000)->UseManualTime()->Iterations(3)->Unit(benchmark::kMillisecond);

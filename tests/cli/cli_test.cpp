@@ -107,17 +107,20 @@ TEST(Solve, KnowsTheWhiteFurnace) {
   EXPECT_EQ(readText(folder.path("lit.glb")).substr(0, 4), "glTF");
 }
 
-TEST(Solve, AgreesBetweenJacobiAndGaussSeidel) {
+TEST(Solve, AgreesBetweenSolvers) {
   const TemporaryFolder folder;
-  for (const std::string solver : {"jacobi", "gauss-seidel"}) {
+  for (const std::string solver : {"jacobi", "gauss-seidel", "conjugate-residuals"}) {
     ASSERT_EQ(farol("solve " + kCornell + " --patches 300 --residual 1e-8 --solver " + solver + " --patches-csv " +
                     folder.path(solver))
                   .exitCode,
               0);
   }
-  const auto a = readCsv(folder.path("jacobi")), b = readCsv(folder.path("gauss-seidel"));
-  ASSERT_EQ(a.size(), b.size());
-  for (size_t i = 1; i < a.size(); ++i) EXPECT_NEAR(std::stod(a[i][15]), std::stod(b[i][15]), 1e-6);
+  const auto a = readCsv(folder.path("jacobi"));
+  for (const char* other : {"gauss-seidel", "conjugate-residuals"}) {
+    const auto b = readCsv(folder.path(other));
+    ASSERT_EQ(a.size(), b.size());
+    for (size_t i = 1; i < a.size(); ++i) EXPECT_NEAR(std::stod(a[i][15]), std::stod(b[i][15]), 1e-6);
+  }
 }
 
 // One floor under a uniform sky that fills its hemisphere: H = sky.

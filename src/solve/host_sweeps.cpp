@@ -1,0 +1,174 @@
+#include "solve/host_sweeps.h"
+
+#include "solve/gather.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <array>
+
+namespace farol {
+namespace {
+
+constexpr double kWellBelow = 0.3;
+
+constexpr size_t kBlock = 128;  // rows that Gauss-Seidel gathers together
+
+// Calls `use(place, factor)` for parts of entries of row i that lie in the block (ascending patches).
+template <typename Use>
+void forEachWithin(const FormFactorRow& row, std::span<const size_t> block, Use&& use) {
+  const size_t first = block.front(), last = block.back();
+  const auto inOrder = [&](size_t j, double value) {
+    const auto at = std::lower_bound(block.begin(), block.end(), j);
+    if (at != block.end() && *at == j) use(static_cast<size_t>(at - block.begin()), value);
+  };
+  for (size_t k = 0; k < block.size() && !row.dense.empty(); ++k) use(k, static_cast<double>(row.dense[block[k]]));
+  for (size_t k = 0; k < block.size() && !row.steps.empty(); ++k) use(k, row.steps[block[k]] * static_cast<double>(row.weight));
+  if (!row.values.empty()) {
+    for (auto at = std::lower_bound(row.ids.begin(), row.ids.end(), first); at != row.ids.end() && *at <= last; ++at)
+      inOrder(*at, static_cast<double>(row.values[static_cast<size_t>(at - row.ids.begin())]));
+  } else if (row.steps.empty()) {
+    for (const uint32_t j : row.ids) {
+      if (j - first <= last - first) inOrder(j, static_cast<double>(row.weight));
+    }
+  }
+}
+
+// What conjugate residuals learn of A = I - rho F in one channel: in the directions q_k that they span, one from step to
+// step, A r_k = sum_j images(j, k) q_j and r_k - r_{k+1} = steps[k] q_k.
+struct Spanned {
+  static constexpr size_t kMost = 64;
+  Eigen::MatrixXd images = Eigen::MatrixXd::Zero(kMost, kMost);
+  std::vector<double> steps;
+  double left = 0;  // of the residual
+
+  void add(size_t j, size_t k, double part) {
+    if (k < kMost) images(static_cast<Eigen::Index>(j), static_cast<Eigen::Index>(k)) = part;
+  }
+  // The largest eigenvalue of rho F, projected onto them (a Ritz value). A q_k needs A r_{k+1}, which is known up to the last
+  // step, and is nothing where nothing was left.
+  double radius() const {
+    const size_t known = left < 1e-6 * std::abs(steps.empty() ? 0.0 : steps.back()) ? steps.size() : std::max<size_t>(steps.size(), 1) - 1;
+    const auto n = static_cast<Eigen::Index>(std::min(known, kMost - 1));
+    if (n == 0) return 0;
+    Eigen::MatrixXd projected(n, n);
+    for (Eigen::Index k = 0; k < n; ++k)
+      projected.col(k) = (images.col(k) - images.col(k + 1)).head(n) / steps[static_cast<size_t>(k)];
+    return 1 - projected.eigenvalues().real().minCoeff();
+  }
+};
+
+}  // namespace
+
+HostSweeps::HostSweeps(const System& system, const PatchSet& patches, SolverKind kind)
+    : system_(system), kind_(kind), weights_(system.reflectance) {
+  for (Eigen::Index i = 0; i < weights_.rows(); ++i) {
+    const auto patch = static_cast<size_t>(i);
+    const double area = patches.patches[patch].area * system.factors().shares(patch).exposed;
+    for (int c = 0; c < 3; ++c)
+      weights_(i, c) = system.reflectance(i, c) > 0 ? area / system.reflectance(i, c) : 0.0;
+  }
+}
+
+// Truncated generalised conjugate residuals (Eisenstat, Elman and Schultz, 1983), each channel with its own: a step
+// takes from the residual what the last directions can. In the weights rho F is self-adjoint but for its errors, so that few
+// directions do.
+Reflections HostSweeps::conjugateResiduals(const Channels& r, const std::function<double(const Channels&)>& goal, size_t mostSweeps) {
+  constexpr size_t kDirections = 8;
+  constexpr double kMargin = 0.7, kRounding = 1e-14;
+  // What lies on black patches is reflected once, and is no part of the residual afterwards.
+  Channels residual = system_.reflectOnce(Field(r));
+  Reflections result{Channels::Zero(r.rows(), 3), {largest(r), largest(residual)}};
+  std::vector<Channels> directions(kDirections), images(kDirections);
+  std::array<Spanned, 3> spanned;
+  const auto dot = [&](Eigen::Index c, const Channels& u, const Channels& v) {
+    return u.col(c).cwiseProduct(weights_.col(c)).dot(v.col(c));
+  };
+  for (Eigen::Index c = 0; c < 3; ++c) spanned[static_cast<size_t>(c)].left = std::sqrt(dot(c, residual, residual));
+  const auto lookAtRadius = [&] {
+    for (const Spanned& own : spanned) result.radius = std::max(result.radius, own.radius());
+  };
+  // A residual hides an error of up to 1 / (1 - radius) of it.
+  const auto enough = [&] { return result.changes.back() <= kMargin * (1 - result.radius) * goal(result.sum); };
+  for (size_t k = 0; result.changes.size() < mostSweeps && result.changes.back() > kRounding * result.changes[1]; ++k) {
+    if (enough()) {
+      lookAtRadius();
+      if (enough()) return result;
+    }
+    Channels &p = directions[k % kDirections], &image = images[k % kDirections];
+    p = residual;
+    image = residual - system_.reflectOnce(Field(residual));
+    for (Eigen::Index c = 0; c < 3; ++c) {
+      Spanned& own = spanned[static_cast<size_t>(c)];
+      for (size_t j = k < kDirections ? 0 : k + 1 - kDirections; j < k; ++j) {
+        const double part = dot(c, images[j % kDirections], image);
+        own.add(j, k, part);
+        image.col(c) -= part * images[j % kDirections].col(c);
+        p.col(c) -= part * directions[j % kDirections].col(c);
+      }
+      const double norm = std::sqrt(dot(c, image, image));
+      if (own.left <= kRounding * std::abs(own.steps.empty() ? own.left : own.steps[0])) continue;  // nothing, or dark
+      own.add(k, k, norm);
+      image.col(c) /= norm;
+      p.col(c) /= norm;
+      const double step = dot(c, image, residual);
+      own.steps.push_back(step);
+      result.sum.col(c) += step * p.col(c);
+      residual.col(c) -= step * image.col(c);
+      own.left = std::sqrt(dot(c, residual, residual));
+    }
+    result.changes.push_back(largest(residual));
+  }
+  lookAtRadius();
+  return result;
+}
+
+double HostSweeps::jacobi(const Channels& r, Field& d) {
+  Channels change = Channels::Zero(r.rows(), 3);
+  forParts(system_.reflecting, [&](std::span<const size_t> patches, size_t) {
+    std::array<Eigen::RowVector3d, kRowsAtOnce> sums;
+    system_.gather(patches, d, sums.data());
+    for (size_t k = 0; k < patches.size(); ++k) {
+      const auto i = static_cast<Eigen::Index>(patches[k]);
+      change.row(i) = r.row(i) + system_.reflectance.row(i).cwiseProduct(sums[k]) - d.columns().row(i);
+    }
+  });
+  d.add(change);
+  return change.size() > 0 ? change.cwiseAbs().maxCoeff() : 0.0;
+}
+
+// In place. Rows of a block are gathered together, on all cores, from the values before the block; what changes within the
+// block is then added in order: Gauss-Seidel up to rounding.
+double HostSweeps::gaussSeidel(const Channels& r, Field& d) {
+  double change = 0;
+  std::array<Eigen::RowVector3d, kBlock> sums, changes;
+  const std::span<const size_t> reflecting = system_.reflecting;
+  for (size_t first = 0; first < reflecting.size(); first += kBlock) {
+    const auto block = reflecting.subspan(first, std::min(kBlock, reflecting.size() - first));
+    forParts(block, [&](std::span<const size_t> patches, size_t at) { system_.gather(patches, d, &sums[at]); });
+    for (size_t k = 0; k < block.size(); ++k) {
+      const auto i = static_cast<Eigen::Index>(block[k]);
+      forEachWithin(system_.factors()[block[k]], block.first(k + 1), [&](size_t l, double factor) {
+        if (l < k) sums[k] += factor * changes[l];
+      });
+      const Eigen::RowVector3d next = r.row(i) + system_.reflectance.row(i).cwiseProduct(sums[k]);
+      changes[k] = next - d.columns().row(i);
+      change = std::max(change, changes[k].cwiseAbs().maxCoeff());
+      d.set(i, next);
+    }
+  }
+  return change;
+}
+
+Reflections HostSweeps::reflections(const Channels& r, const std::function<double(const Channels&)>& goal, size_t mostSweeps) {
+  if (kind_ == SolverKind::conjugateResiduals) return conjugateResiduals(r, goal, mostSweeps);
+  Field d(r);
+  Reflections result{Channels::Zero(r.rows(), 3), {largest(r)}};
+  for (bool more = result.changes.size() < mostSweeps; more;) {
+    result.changes.push_back(kind_ == SolverKind::gaussSeidel ? gaussSeidel(r, d) : jacobi(r, d));
+    result.sum = d.columns() - r;
+    more = sweepsMissing(result.changes, kWellBelow * goal(result.sum)) > 0 && result.changes.size() < mostSweeps;
+  }
+  return result;
+}
+
+}  // namespace farol

@@ -1,0 +1,30 @@
+// Jacobi sweeps, Gauss-Seidel sweeps and conjugate residuals on the processor. Internal to this room and its benchmark.
+#pragma once
+
+#include "solve/solver.h"
+#include "solve/system.h"
+
+#include <functional>
+
+namespace farol {
+
+class HostSweeps {
+ public:
+  HostSweeps(const System& system, const PatchSet& patches, SolverKind kind);
+
+  // Until what the remaining sweeps would add is well below `goal` of the sum so far, or changes have stopped to shrink.
+  Reflections reflections(const Channels& r, const std::function<double(const Channels&)>& goal, size_t mostSweeps);
+
+ private:
+  Reflections conjugateResiduals(const Channels& r, const std::function<double(const Channels&)>& goal, size_t mostSweeps);
+
+  // One sweep of d = r + rho F d; returns the largest change.
+  double jacobi(const Channels& r, Field& d);
+  double gaussSeidel(const Channels& r, Field& d);
+
+  const System& system_;
+  SolverKind kind_;
+  Channels weights_;  // exposed area / rho, in which rho F is self-adjoint; 0 for what is black
+};
+
+}  // namespace farol
