@@ -1,7 +1,11 @@
 #include "base/machine.h"
 
+#include <algorithm>
+#include <cstdlib>
 #include <fstream>
+#include <new>
 #include <string>
+#include <sys/mman.h>
 
 namespace farol {
 namespace {
@@ -33,6 +37,15 @@ uint64_t peakMemoryBytes() {
 }
 uint64_t availableMemoryBytes() {
   return kilobyteLine("/proc/meminfo", "MemAvailable:");
+}
+
+std::shared_ptr<std::byte> freshMemory(size_t bytes) {
+  constexpr size_t kHugePage = size_t{1} << 21;
+  const size_t rounded = (bytes + kHugePage - 1) / kHugePage * kHugePage;
+  void* memory = std::aligned_alloc(kHugePage, std::max(rounded, kHugePage));
+  if (memory == nullptr) throw std::bad_alloc();
+  madvise(memory, rounded, MADV_HUGEPAGE);
+  return {static_cast<std::byte*>(memory), [](std::byte* m) { std::free(m); }};
 }
 
 void StageClock::finish(const std::string& name) {

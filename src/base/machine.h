@@ -2,7 +2,9 @@
 #pragma once
 
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -11,6 +13,9 @@ namespace farol {
 std::string processorName();  // as the operating system calls it
 uint64_t peakMemoryBytes();       // VmHWM of this process [bytes]; 0 where unknown
 uint64_t availableMemoryBytes();  // MemAvailable of the machine [bytes]; 0 where unknown
+
+// Memory without contents, in huge pages where the system has them: first touches are what fresh memory costs.
+std::shared_ptr<std::byte> freshMemory(size_t bytes);
 
 // Seconds since construction.
 class Stopwatch {

@@ -55,7 +55,13 @@ void FormFactorMatrix::book(uint64_t rowBytes) {
   }
 }
 
+FormFactorMatrix::List FormFactorMatrix::listOf(std::vector<uint32_t> ids, std::vector<float> values) {
+  const auto owner = std::make_shared<const std::pair<std::vector<uint32_t>, std::vector<float>>>(std::move(ids), std::move(values));
+  return {owner->first, owner->second, owner};
+}
+
 std::span<float> FormFactorMatrix::row(uint32_t patch) {
+  sums_[patch] = std::nan("");
   std::vector<float>& dense = rows_[patch].dense;
   if (dense.empty()) book(rows_.size() * sizeof(float));
   dense.resize(rows_.size());
@@ -72,8 +78,8 @@ void FormFactorMatrix::hits(uint32_t patch, std::span<const uint32_t> ids, float
     std::copy(dense.begin(), dense.end(), to.begin());
     return;
   }
-  if (row.ids.empty()) book(ids.size_bytes());
-  row.ids.assign(ids.begin(), ids.end());
+  if (row.list.ids.empty()) book(ids.size_bytes());
+  row.list = listOf({ids.begin(), ids.end()}, {});
   row.weight = weight;
 }
 
@@ -83,31 +89,34 @@ constexpr size_t kWorthEntries = 3;
 void FormFactorMatrix::finish(uint32_t patch, const RowShares& shares) {
   shares_[patch] = shares;
   if (!rows_[patch].dense.empty()) pack(rows_[patch]);
+  sums_[patch] = sumOf(rows_[patch]);
 }
 
 void FormFactorMatrix::pack(Row& row) {
   const size_t n = row.dense.size();
   const size_t filled = n - static_cast<size_t>(std::count(row.dense.begin(), row.dense.end(), 0.0f));
   if (kWorthEntries * filled <= n) {
-    row.ids.reserve(filled);
-    row.values.reserve(filled);
+    std::vector<uint32_t> ids;
+    std::vector<float> values;
+    ids.reserve(filled);
+    values.reserve(filled);
     for (uint32_t j = 0; j < n; ++j) {
       if (row.dense[j] == 0) continue;
-      row.ids.push_back(j);
-      row.values.push_back(row.dense[j]);
+      ids.push_back(j);
+      values.push_back(row.dense[j]);
     }
+    row.list = listOf(std::move(ids), std::move(values));
   } else if (storage_ == Storage::bits16) {
     PackedRow packed = packRow(row.dense);
     row.steps = std::move(packed.steps);
-    row.ids = std::move(packed.ids);
-    row.values = std::move(packed.values);
+    row.list = listOf(std::move(packed.ids), std::move(packed.values));
     row.weight = packed.step;
     row.packingError = static_cast<float>(packed.error);
   } else {
     return;
   }
   row.dense = {};
-  const uint64_t bytes = row.steps.size() * sizeof(uint16_t) + row.ids.size() * (sizeof(uint32_t) + sizeof(float));
+  const uint64_t bytes = row.steps.size() * sizeof(uint16_t) + row.list.ids.size() * (sizeof(uint32_t) + sizeof(float));
   std::atomic_ref(bytes_) -= n * sizeof(float) - bytes;
 }
 
@@ -117,36 +126,48 @@ double FormFactorMatrix::packingError() const {
   return most;
 }
 
+bool FormFactorMatrix::worthAList(size_t entries) const {
+  return kWorthEntries * entries <= rows_.size();
+}
+
 void FormFactorMatrix::entries(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values) {
-  if (kWorthEntries * ids.size() > rows_.size()) {
-    const std::span<float> to = this->row(patch);
-    for (size_t k = 0; k < ids.size(); ++k) to[ids[k]] = values[k];
+  if (worthAList(ids.size())) {
+    book(ids.size_bytes() + values.size_bytes());
+    rows_[patch].list = listOf({ids.begin(), ids.end()}, {values.begin(), values.end()});
     return;
   }
-  Row& row = rows_[patch];
+  const std::span<float> to = this->row(patch);
+  for (size_t k = 0; k < ids.size(); ++k) to[ids[k]] = values[k];
+}
+
+void FormFactorMatrix::borrow(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values, std::shared_ptr<const void> owner) {
   book(ids.size_bytes() + values.size_bytes());
-  row.ids.assign(ids.begin(), ids.end());
-  row.values.assign(values.begin(), values.end());
+  rows_[patch].list = {ids, values, std::move(owner)};
 }
 
 void FormFactorMatrix::replace(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values) {
   Row& row = rows_[patch];
   const auto sizeOf = [](const auto& v) { return std::span(v).size_bytes(); };
-  std::atomic_ref(bytes_) -= sizeOf(row.dense) + sizeOf(row.steps) + sizeOf(row.ids) + sizeOf(row.values);
+  std::atomic_ref(bytes_) -= sizeOf(row.dense) + sizeOf(row.steps) + sizeOf(row.list.ids) + sizeOf(row.list.values);
   row = {};
   entries(patch, ids, values);
+  sums_[patch] = sumOf(row);
 }
 
 double FormFactorMatrix::rowSum(size_t patch) const {
-  const Row& r = rows_[patch];
-  if (!r.values.empty() || !r.steps.empty()) {
+  return std::isnan(sums_[patch]) ? sumOf(rows_[patch]) : sums_[patch];
+}
+
+double FormFactorMatrix::sumOf(const Row& r) const {
+  const std::span<const uint32_t> ids = r.list.ids;
+  const std::span<const float> values = r.list.values;
+  if (!values.empty() || !r.steps.empty()) {
     return static_cast<double>(r.weight) * static_cast<double>(std::accumulate(r.steps.begin(), r.steps.end(), uint64_t{0})) +
-           std::accumulate(r.values.begin(), r.values.end(), 0.0);
+           std::accumulate(values.begin(), values.end(), 0.0);
   }
   if (!r.dense.empty()) return std::accumulate(r.dense.begin(), r.dense.end(), 0.0);
   const auto nothing = static_cast<uint32_t>(rows_.size());
-  return static_cast<double>(r.weight) * static_cast<double>(std::count_if(
-             r.ids.begin(), r.ids.end(), [nothing](uint32_t j) { return j != nothing; }));
+  return static_cast<double>(r.weight) * static_cast<double>(std::count_if(ids.begin(), ids.end(), [nothing](uint32_t j) { return j != nothing; }));
 }
 
 void FormFactorMatrix::keep(const std::vector<uint32_t>& patches) {
@@ -167,15 +188,19 @@ void FormFactorMatrix::keep(const std::vector<uint32_t>& patches) {
       row.steps.reserve(patches.size());
       for (const uint32_t q : patches) row.steps.push_back(rows_[p].steps[q]);
     }
-    for (size_t k = 0; k < rows_[p].values.size(); ++k) {
-      if (renumbered[rows_[p].ids[k]] == nothing) continue;
-      row.ids.push_back(renumbered[rows_[p].ids[k]]);
-      row.values.push_back(rows_[p].values[k]);
+    const List& list = rows_[p].list;
+    std::vector<uint32_t> ids;
+    std::vector<float> values;
+    for (size_t k = 0; k < list.values.size(); ++k) {
+      if (renumbered[list.ids[k]] == nothing) continue;
+      ids.push_back(renumbered[list.ids[k]]);
+      values.push_back(list.values[k]);
     }
-    if (rows_[p].values.empty() && rows_[p].steps.empty()) {
-      row.ids = std::move(rows_[p].ids);
-      for (uint32_t& j : row.ids) j = renumbered[j];
+    if (list.values.empty() && rows_[p].steps.empty()) {
+      ids.assign(list.ids.begin(), list.ids.end());
+      for (uint32_t& j : ids) j = renumbered[j];
     }
+    if (!list.ids.empty()) row.list = listOf(std::move(ids), std::move(values));
     row.weight = rows_[p].weight;
     row.packingError = rows_[p].packingError;
     rows_[p] = {};
@@ -184,6 +209,8 @@ void FormFactorMatrix::keep(const std::vector<uint32_t>& patches) {
   }
   rows_ = std::move(rows);
   shares_ = std::move(shares);
+  sums_.clear();
+  for (const Row& row : rows_) sums_.push_back(sumOf(row));
 }
 
 std::vector<uint32_t> makeFormFactors(RowMaker& maker, PatchSet& patches, bool sky, const Log& log, FormFactorMatrix& f) {

@@ -6,8 +6,10 @@
 #include "patch/patches.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -75,7 +77,7 @@ enum class Storage { float32, bits16 };  // of dense rows
 class FormFactorMatrix : public RowStore {
  public:
   explicit FormFactorMatrix(size_t patches, uint64_t maxBytes = UINT64_MAX, Storage storage = Storage::float32)
-      : maxBytes_(maxBytes), storage_(storage), rows_(patches), shares_(patches) {}
+      : maxBytes_(maxBytes), storage_(storage), rows_(patches), shares_(patches), sums_(patches, std::nan("")) {}
 
   std::span<float> row(uint32_t patch) override;
   void hits(uint32_t patch, std::span<const uint32_t> ids, float weight) override;
@@ -90,13 +92,17 @@ class FormFactorMatrix : public RowStore {
 
   // A row from its entries, ids ascending.
   void entries(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values);
+  // The same without a copy: `owner` keeps what the spans show.
+  void borrow(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values, std::shared_ptr<const void> owner);
+  // Whether entries are kept as a list, and not in a dense row.
+  bool worthAList(size_t entries) const;
   // The same for a row that was made: its shares stay. Not packed.
   void replace(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values);
 
   size_t size() const { return rows_.size(); }
   FormFactorRow operator[](size_t patch) const {
     const Row& r = rows_[patch];
-    return {r.dense, r.steps, r.ids, r.values, r.weight, rows_.size()};
+    return {r.dense, r.steps, r.list.ids, r.list.values, r.weight, rows_.size()};
   }
   const RowShares& shares(size_t patch) const { return shares_[patch]; }
   double rowSum(size_t patch) const;  // in double; 0 for a row that was not made
@@ -109,16 +115,22 @@ class FormFactorMatrix : public RowStore {
   void keep(const std::vector<uint32_t>& patches);
 
  private:
+  struct List {  // never changed, so that copies share it
+    std::span<const uint32_t> ids;
+    std::span<const float> values;
+    std::shared_ptr<const void> owner;
+  };
+  static List listOf(std::vector<uint32_t> ids, std::vector<float> values);
   struct Row {
     std::vector<float> dense;
     std::vector<uint16_t> steps;
-    std::vector<uint32_t> ids;
-    std::vector<float> values;
+    List list;
     float weight = 0;
     float packingError = 0;
   };
   void book(uint64_t bytes);
   void pack(Row& row);
+  double sumOf(const Row& row) const;
   template <typename Member>
   size_t count(Member member) const {
     return static_cast<size_t>(std::count_if(rows_.begin(), rows_.end(), [&](const Row& r) { return !(r.*member).empty(); }));
@@ -129,6 +141,7 @@ class FormFactorMatrix : public RowStore {
   Storage storage_;
   std::vector<Row> rows_;
   std::vector<RowShares> shares_;
+  std::vector<double> sums_;  // of finished rows; NaN: not known
   std::vector<FormFactorMatrix> others_;  // of green and blue, or none
 };
 

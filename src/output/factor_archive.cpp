@@ -1,6 +1,7 @@
 #include "output/factor_archive.h"
 
 #include "base/error.h"
+#include "base/machine.h"
 #include "base/output_file.h"
 #include "output/npy.h"
 
@@ -405,38 +406,50 @@ void FactorArchive::loadRows(FormFactorMatrix& to, int c, const std::string& pre
       throw Error("{}: row {} has {} entries of at most {}", a.path, rows[k], count, patches);
   }
 
-  // Chunk after chunk: indices and data side by side, each with its checksum, then the rows on all cores.
+  // Chunk after chunk: indices and data side by side, each with its checksum, then the rows on all cores. Rows that stay
+  // lists stay where they were read; chunks are whole huge pages.
   constexpr int64_t kChunkEntries = int64_t{1} << 19;
   std::vector<int64_t> wideIds;
-  std::vector<uint32_t> ids;
-  std::vector<float> values;
   const auto rowCount = static_cast<uint32_t>(rows.size());
+  std::shared_ptr<std::byte> chunk;
   for (uint32_t first = 0, last = 0; first < rowCount; first = last) {
-    while (last < rowCount && (last == first || starts[last + 1] - starts[first] <= kChunkEntries)) ++last;
+    size_t listed = 0;
+    while (last < rowCount && (last == first || starts[last + 1] - starts[first] <= kChunkEntries)) {
+      const auto length = static_cast<size_t>(starts[last + 1] - starts[last]);
+      if (f.worthAList(length)) listed += length;
+      ++last;
+    }
     const auto count = static_cast<size_t>(starts[last] - starts[first]);
-    ids.resize(count);
-    values.resize(count);
+    const bool lend = 4 * listed >= 3 * count;
+    if (chunk == nullptr || lend || count > static_cast<size_t>(kChunkEntries))
+      chunk = freshMemory(2 * sizeof(uint32_t) * std::max(count, static_cast<size_t>(lend ? 0 : kChunkEntries)));
+    const std::span<uint32_t> ids(reinterpret_cast<uint32_t*>(chunk.get()), count);
+    const std::span<float> values(reinterpret_cast<float*>(ids.data() + count), count);
     tbb::parallel_invoke(
         [&] {
-          if (!wide) return indices.read(ids.data(), count * sizeof(uint32_t));
+          if (!wide) return indices.read(ids.data(), ids.size_bytes());
           wideIds.resize(count);
           indices.read(wideIds.data(), count * sizeof(int64_t));
           for (size_t k = 0; k < count; ++k) ids[k] = static_cast<uint32_t>(std::clamp<int64_t>(wideIds[k], 0, INT32_MAX));
         },
-        [&] { data.read(values.data(), count * sizeof(float)); });
+        [&] { data.read(values.data(), values.size_bytes()); });
     tbb::parallel_for(first, last, [&](uint32_t k) {
       const auto at = static_cast<size_t>(starts[k] - starts[first]), length = static_cast<size_t>(starts[k + 1] - starts[k]);
-      const auto rowIds = std::span(ids).subspan(at, length);
-      const auto rowValues = std::span(values).subspan(at, length);
+      const auto rowIds = std::span<const uint32_t>(ids).subspan(at, length);
+      const auto rowValues = std::span<const float>(values).subspan(at, length);
       bool good = true;
       for (size_t l = 0; l < length; ++l) {
         good &= rowIds[l] < patches && rowValues[l] >= 0 && rowValues[l] <= kMostFactor;
         if (l > 0) good &= rowIds[l] > rowIds[l - 1];
       }
       if (!good) throw Error("{}: row {} has an entry outside the matrix or outside [0, {}]", a.path, rows[k], kMostFactor);
-      f.entries(rows[k], rowIds, rowValues);
+      if (lend && f.worthAList(length))
+        f.borrow(rows[k], rowIds, rowValues, chunk);
+      else
+        f.entries(rows[k], rowIds, rowValues);
       f.finish(rows[k], sharesOf(k));
     });
+    if (lend) chunk = nullptr;
   }
   indices.finish();
   data.finish();
