@@ -170,6 +170,7 @@ void writeReport(const std::string& path, const Report& r) {
                   {"reflectance_times_row_sum", s.bound},
                   {"history", s.history},
                   {"sweeps", s.sweeps},
+                  {"channels", s.channels},
                   {"residual", s.residual},
                   {"contraction", s.contraction},
                   {"error", s.error},

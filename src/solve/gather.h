@@ -1,4 +1,4 @@
-// Sums over rows of F for three channels at once: where the time of a solve goes. Each is made in the same order
+// Sums over rows of F for three channels at once, or one: where the time of a solve goes. Each is made in the same order
 // whatever the processor; nothing is allocated.
 #pragma once
 
@@ -10,13 +10,15 @@ namespace farol {
 
 constexpr size_t kRowsAtOnce = 16;  // at most
 
-// sums[r][c] = sum_j rows[r][j] b[c n + j]: dense rows, which share every load of b.
-void gatherRows(std::span<const float* const> rows, const double* b, size_t n, double (*sums)[3]);
-void gatherRows(std::span<const uint16_t* const> rows, const double* b, size_t n, double (*sums)[3]);
+// sums[r][c] = sum_j rows[r][j] b[c n + j]: dense rows of float or uint16_t, which share every load of b.
+template <size_t Channels, typename Factor>
+void gatherRows(std::span<const Factor* const> rows, const double* b, size_t n, double (*sums)[Channels]);
 
-// The same for a row that is a list of hits of one weight, or of ids with values: `packed` holds four doubles per patch
-// and a last patch of zeros.
-void gatherHits(std::span<const uint32_t> ids, double weight, const double* packed, double* sums);
-void gatherEntries(std::span<const uint32_t> ids, std::span<const float> values, const double* packed, double* sums);
+// The same for a row that is a list of hits of one weight, or of ids with values: `b` holds four doubles per patch for
+// three channels, one for one, and a last patch of zeros.
+template <size_t Channels>
+void gatherHits(std::span<const uint32_t> ids, double weight, const double* b, double* sums);
+template <size_t Channels>
+void gatherEntries(std::span<const uint32_t> ids, std::span<const float> values, const double* b, double* sums);
 
 }  // namespace farol

@@ -80,8 +80,10 @@ void requireSteadyState(const FormFactorMatrix& f, const PatchSet& patches, cons
 Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct,
                         const Scene& scene, const SolveOptions& options, const Log& log) {
   requireSteadyState(f, patches, scene, options.sky);
-  const System system(f, patches, direct, options.sky);
+  System system(f, patches, direct, options.sky);
+  const std::optional<Rgb> colour = system.makeOneColour();
   Solution result;
+  result.channels = colour ? 1 : 3;
   result.bound = system.bound;
   Progress progress(log, "solve", "sweeps", 0);
   const auto refuse = [&](const std::string& found) {
@@ -184,6 +186,10 @@ Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const Dir
     const Eigen::RowVector3d h = system.source.row(k) + gathered.row(k);
     result.irradiance[i] = {h[0], h[1], h[2]};
     result.radiosity[i] = {b.columns()(k, 0), b.columns()(k, 1), b.columns()(k, 2)};
+    if (colour) {
+      result.irradiance[i] *= *colour;
+      result.radiosity[i] *= *colour;
+    }
     if (direct.isApart(i)) result.radiosity[i] += patches.patches[i].emission;
   }
   

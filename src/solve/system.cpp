@@ -7,14 +7,36 @@
 
 namespace farol {
 
-Field::Field(Channels values)
-    : columns_(std::move(values)), packed_(4 * (static_cast<size_t>(columns_.rows()) + 1), 0.0) {
-  for (Eigen::Index i = 0; i < columns_.rows(); ++i) pack(i);
+Field::Field(Channels values) : columns_(std::move(values)) {
+  pack();
+}
+
+void Field::set(Eigen::Index i, const Eigen::RowVector3d& value) {
+  columns_.row(i) = value;
+  if (alike_ && !(value[0] == value[1] && value[0] == value[2]))
+    pack();
+  else
+    pack(i);
 }
 
 void Field::add(const Channels& change) {
   columns_ += change;
+  pack();
+}
+
+void Field::pack() {
+  alike_ = columns_.col(0) == columns_.col(1) && columns_.col(0) == columns_.col(2);
+  packed_.assign((alike_ ? 1 : 4) * (static_cast<size_t>(columns_.rows()) + 1), 0.0);
   for (Eigen::Index i = 0; i < columns_.rows(); ++i) pack(i);
+}
+
+void Field::pack(Eigen::Index i) {
+  const auto k = static_cast<size_t>(i);
+  if (alike_) {
+    packed_[k] = columns_(i, 0);
+  } else {
+    for (int c = 0; c < 3; ++c) packed_[4 * k + static_cast<size_t>(c)] = columns_(i, c);
+  }
 }
 
 void forParts(std::span<const size_t> patches, const std::function<void(std::span<const size_t>, size_t)>& use) {
@@ -60,14 +82,40 @@ System::System(const FormFactorMatrix& f, const PatchSet& patches, const DirectL
   }
 }
 
+std::optional<Rgb> System::makeOneColour() {
+  constexpr double kRounding = 1e-13;
+  if (reflectance.col(0) != reflectance.col(1) || reflectance.col(0) != reflectance.col(2)) return std::nullopt;
+  const Eigen::RowVector3d light = emission.colwise().sum() + source.colwise().sum();
+  Eigen::Index brightest = 0;
+  if (light.maxCoeff(&brightest) <= 0) return std::nullopt;
+  const Eigen::RowVector3d tint = light / light[brightest];
+  for (Channels* field : {&emission, &source}) {
+    const Eigen::VectorXd given = field->col(brightest);
+    if ((*field - given * tint).cwiseAbs().maxCoeff() > kRounding * given.cwiseAbs().maxCoeff()) return std::nullopt;
+  }
+  for (Channels* field : {&emission, &source}) *field = Eigen::VectorXd(field->col(brightest)).replicate(1, 3);
+  return Rgb(tint[0], tint[1], tint[2]);
+}
+
 void System::gather(std::span<const size_t> patches, const Field& b, Eigen::RowVector3d* sums) const {
+  if (b.alike())
+    gatherChannels<1>(patches, b, sums);
+  else
+    gatherChannels<3>(patches, b, sums);
+}
+
+template <size_t Count>
+void System::gatherChannels(std::span<const size_t> patches, const Field& b, Eigen::RowVector3d* sums) const {
   std::array<const float*, kRowsAtOnce> dense;
   std::array<const uint16_t*, kRowsAtOnce> packed;
   std::array<size_t, kRowsAtOnce> densePlaces, packedPlaces;
   size_t denseCount = 0, packedCount = 0;
+  double found[kRowsAtOnce][Count];
+  const auto put = [&](size_t k, const double (&sum)[Count]) {
+    for (size_t c = 0; c < 3; ++c) sums[k][static_cast<Eigen::Index>(c)] = sum[c % Count];
+  };
   for (size_t k = 0; k < patches.size(); ++k) {
     const FormFactorRow row = f_[patches[k]];
-    sums[k].setZero();
     if (!row.dense.empty()) {
       densePlaces[denseCount] = k;
       dense[denseCount++] = row.dense.data();
@@ -75,20 +123,24 @@ void System::gather(std::span<const size_t> patches, const Field& b, Eigen::RowV
       packedPlaces[packedCount] = k;
       packed[packedCount++] = row.steps.data();
     } else if (!row.values.empty()) {
-      gatherEntries(row.ids, row.values, b.packed(), sums[k].data());
+      gatherEntries<Count>(row.ids, row.values, b.packed(), found[0]);
+      put(k, found[0]);
     } else if (!row.ids.empty()) {
-      gatherHits(row.ids, static_cast<double>(row.weight), b.packed(), sums[k].data());
+      gatherHits<Count>(row.ids, static_cast<double>(row.weight), b.packed(), found[0]);
+      put(k, found[0]);
+    } else {
+      sums[k].setZero();
     }
   }
-  double found[kRowsAtOnce][3];
-  if (denseCount > 0) gatherRows(std::span(dense).first(denseCount), b.columns().data(), f_.size(), found);
-  for (size_t k = 0; k < denseCount; ++k) sums[densePlaces[k]] = Eigen::Map<Eigen::RowVector3d>(found[k]);
-  if (packedCount > 0) gatherRows(std::span(packed).first(packedCount), b.columns().data(), f_.size(), found);
+  if (denseCount > 0) gatherRows<Count, float>(std::span(dense).first(denseCount), b.columns().data(), f_.size(), found);
+  for (size_t k = 0; k < denseCount; ++k) put(densePlaces[k], found[k]);
+  if (packedCount > 0) gatherRows<Count, uint16_t>(std::span(packed).first(packedCount), b.columns().data(), f_.size(), found);
   for (size_t k = 0; k < packedCount; ++k) {
     const FormFactorRow row = f_[patches[packedPlaces[k]]];
-    Eigen::RowVector3d listed;
-    gatherEntries(row.ids, row.values, b.packed(), listed.data());
-    sums[packedPlaces[k]] = static_cast<double>(row.weight) * Eigen::Map<Eigen::RowVector3d>(found[k]) + listed;
+    double listed[Count];
+    gatherEntries<Count>(row.ids, row.values, b.packed(), listed);
+    for (size_t c = 0; c < Count; ++c) found[k][c] = static_cast<double>(row.weight) * found[k][c] + listed[c];
+    put(packedPlaces[k], found[k]);
   }
 }
 

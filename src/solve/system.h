@@ -5,6 +5,7 @@
 #include "light/direct.h"
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 namespace farol {
@@ -16,29 +17,32 @@ inline double largest(const Channels& v) {
   return v.size() > 0 ? v.cwiseAbs().maxCoeff() : 0.0;
 }
 
-// A value per patch and channel, kept in the two orders that dense rows and lists read fastest.
+// A value per patch and channel, kept in the two orders that dense rows and lists read fastest. Channels that are alike are
+// kept, and gathered, once.
 class Field {
  public:
   explicit Field(Channels values);
-  void set(Eigen::Index i, const Eigen::RowVector3d& value) {
-    columns_.row(i) = value;
-    pack(i);
-  }
+  void set(Eigen::Index i, const Eigen::RowVector3d& value);
   void add(const Channels& change);
   const Channels& columns() const { return columns_; }
-  const double* packed() const { return packed_.data(); }  // [patches + 1] x 4
+  bool alike() const { return alike_; }
+  const double* packed() const { return packed_.data(); }  // [patches + 1] x 4, or [patches + 1] where channels are alike
 
  private:
-  void pack(Eigen::Index i) {
-    for (int c = 0; c < 3; ++c) packed_[4 * static_cast<size_t>(i) + static_cast<size_t>(c)] = columns_(i, c);
-  }
+  void pack();
+  void pack(Eigen::Index i);
   Channels columns_;
+  bool alike_ = false;
   std::vector<double> packed_;
 };
 
 class System {
  public:
   System(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct, const Rgb& sky);
+
+  // Where patches reflect all channels alike and all light has one colour, all channels become those of the brightest, and
+  // that colour is returned, relative to it: what is solved is to be multiplied by it.
+  std::optional<Rgb> makeOneColour();
 
   Channels start() const { return emission + reflectance.cwiseProduct(source); }
   const FormFactorMatrix& factors() const { return f_; }
@@ -70,6 +74,8 @@ class System {
   size_t worstRow = 0;   // where it is reached
 
  private:
+  template <size_t Count>
+  void gatherChannels(std::span<const size_t> patches, const Field& b, Eigen::RowVector3d* sums) const;
   template <typename Use>
   void gatherAll(const Field& b, Use&& use) const;  // use(i, sum) for every reflecting patch, on all cores
 

@@ -163,6 +163,40 @@ TEST(Solver, RefusesASlowlyDivergingSystemEarly) {
   EXPECT_TRUE(GivenSystem({{0, 1.0396}, {0.5, 0}}, {0.97, 0.97}, {1, 0}).solve(SolverKind::jacobi).converged);
 }
 
+// Grey patches in light of one colour are solved in one channel; a little colour on one of them takes three, and changes little.
+TEST(Solver, SolvesGreyScenesInOneChannel) {
+  for (const Storage storage : {Storage::float32, Storage::bits16}) {
+    GivenSystem grey = randomSystem(150, 0.7), tinted = grey;
+    for (GivenSystem* given : {&grey, &tinted}) {
+      FormFactorMatrix f(150, UINT64_MAX, storage);
+      for (uint32_t i = 0; i < 150; ++i) {
+        const std::vector<float> row = given->f[i].expanded();
+        std::copy(row.begin(), row.end(), f.row(i).begin());
+        if (i % 3 == 0) std::fill(f.row(i).begin() + 40, f.row(i).end(), 0.0f);  // a list
+        f.finish(i, given->f.shares(i));
+      }
+      given->f = f;
+      for (Patch& p : given->patches.patches) {
+        p.reflectance = Rgb(p.reflectance.r);
+        p.emission = p.emission.r * Rgb(0.3, 1, 0.7);
+      }
+    }
+    tinted.patches.patches[3].reflectance.g += 1e-9;
+    for (const SolverKind kind : kAll) {
+      const Solution one = grey.solve(kind), three = tinted.solve(kind);
+      EXPECT_EQ(one.channels, 1);
+      EXPECT_EQ(three.channels, 3);
+      EXPECT_NEAR(one.contraction, three.contraction, 1e-3);
+      for (size_t i = 0; i < 150; ++i) {
+        for (int c = 0; c < 3; ++c) {
+          EXPECT_NEAR(one.radiosity[i][c], three.radiosity[i][c], 1e-8);
+          EXPECT_NEAR(one.irradiance[i][c], three.irradiance[i][c], 1e-8);
+        }
+      }
+    }
+  }
+}
+
 TEST(Solver, LeavesBlackPatchesAsTheyAre) {
   const GivenSystem s({{0, 1}, {1, 0}}, {0, 0.5}, {3, 0});
   const Solution r = s.solve(SolverKind::gaussSeidel);
