@@ -60,7 +60,7 @@ class Planner {
 
   TolerancePlan plan() {
     // Coarser trials cannot see shadows; finer ones cost more than they tell.
-    size_t count = tolerance_ < 0.004 ? 2500 : tolerance_ < 0.03 ? 1000 : 300;
+    size_t count = tolerance_ < 0.004 ? 2500 : tolerance_ < 0.03 ? 1000 : 450;
     for (int round = 0; round < 3; ++round) {
       measure(count);
       choose();
@@ -154,7 +154,8 @@ class Planner {
     if (fixedPatches()) {
       counts = {static_cast<double>(tried_)};
     } else {
-      const double floor = std::max(smallest, wantsPicture(options_) ? static_cast<double>(kPicturePatches) : 100.0);
+      // Coarser than the trial nothing is known about edges, and little is saved.
+      const double floor = std::max({smallest, static_cast<double>(tried_), wantsPicture(options_) ? static_cast<double>(kPicturePatches) : 100.0});
       const double largest = 2e6;
       const double least = options_.patchSize > 0 ? static_cast<double>(tried_) : floor;
       counts.push_back(std::max(least, floor));
