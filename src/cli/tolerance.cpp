@@ -70,6 +70,9 @@ class Planner {
       count = static_cast<size_t>(std::min(kMostTried, static_cast<double>(wanted) / 2));
     }
     plan_.choosing = watch_.seconds();
+    // Rows made again to tell the error, and what no scene is too small for.
+    constexpr double kAgain = 1.1, kLeastSeconds = 0.006;
+    plan_.seconds = plan_.choosing + kAgain * plan_.seconds + kLeastSeconds;
     explain();
     return plan_;
   }

@@ -22,7 +22,7 @@ struct TolerancePlan {
   Setting setting;
   std::vector<Choice> choices;
   ErrorParts predicted;
-  double seconds = 0;       // predicted, of form factors, light and solve
+  double seconds = 0;       // predicted, of form factors, light and solve, with the trials
   double choosing = 0;      // that the trials took
   std::string limitedBy;    // why no better setting was chosen: memory, time, an option; empty: the tolerance is met
 };
