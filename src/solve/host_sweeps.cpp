@@ -72,7 +72,7 @@ HostSweeps::HostSweeps(const System& system, const PatchSet& patches, SolverKind
 // Truncated generalised conjugate residuals (Eisenstat, Elman and Schultz, 1983), each channel with its own: a step
 // takes from the residual what the last directions can. In the weights rho F is self-adjoint but for its errors, so that few
 // directions do.
-Reflections HostSweeps::conjugateResiduals(const Channels& r, const std::function<double(const Channels&)>& goal, size_t mostSweeps) {
+Reflections HostSweeps::conjugateResiduals(const Channels& r, size_t mostSweeps, const Goal& goal) {
   constexpr size_t kDirections = 8;
   constexpr double kMargin = 0.7, kRounding = 1e-14;
   // What lies on black patches is reflected once, and is no part of the residual afterwards.
@@ -88,7 +88,7 @@ Reflections HostSweeps::conjugateResiduals(const Channels& r, const std::functio
     for (const Spanned& own : spanned) result.radius = std::max(result.radius, own.radius());
   };
   // A residual hides an error of up to 1 / (1 - radius) of it.
-  const auto enough = [&] { return result.changes.back() <= kMargin * (1 - result.radius) * goal(result.sum); };
+  const auto enough = [&] { return result.changes.back() <= kMargin * (1 - result.radius) * goal(result.sum, result.changes.size() - 1); };
   for (size_t k = 0; result.changes.size() < mostSweeps && result.changes.back() > kRounding * result.changes[1]; ++k) {
     if (enough()) {
       lookAtRadius();
@@ -159,14 +159,14 @@ double HostSweeps::gaussSeidel(const Channels& r, Field& d) {
   return change;
 }
 
-Reflections HostSweeps::reflections(const Channels& r, const std::function<double(const Channels&)>& goal, size_t mostSweeps) {
-  if (kind_ == SolverKind::conjugateResiduals) return conjugateResiduals(r, goal, mostSweeps);
+Reflections HostSweeps::reflections(const Channels& r, size_t mostSweeps, const Goal& goal) {
+  if (kind_ == SolverKind::conjugateResiduals) return conjugateResiduals(r, mostSweeps, goal);
   Field d(r);
   Reflections result{Channels::Zero(r.rows(), 3), {largest(r)}};
   for (bool more = result.changes.size() < mostSweeps; more;) {
     result.changes.push_back(kind_ == SolverKind::gaussSeidel ? gaussSeidel(r, d) : jacobi(r, d));
     result.sum = d.columns() - r;
-    more = sweepsMissing(result.changes, kWellBelow * goal(result.sum)) > 0 && result.changes.size() < mostSweeps;
+    more = sweepsMissing(result.changes, kWellBelow * goal(result.sum, result.changes.size() - 1)) > 0 && result.changes.size() < mostSweeps;
   }
   return result;
 }

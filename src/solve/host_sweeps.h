@@ -12,11 +12,13 @@ class HostSweeps {
  public:
   HostSweeps(const System& system, const PatchSet& patches, SolverKind kind);
 
-  // Until what the remaining sweeps would add is well below `goal` of the sum so far, or changes have stopped to shrink.
-  Reflections reflections(const Channels& r, const std::function<double(const Channels&)>& goal, size_t mostSweeps);
+  // What error is small enough, asked between sweeps with their sum and number so far.
+  using Goal = std::function<double(const Channels& sum, size_t sweeps)>;
+  // Until what the remaining sweeps would add is well below the goal, or changes have stopped to shrink.
+  Reflections reflections(const Channels& r, size_t mostSweeps, const Goal& goal);
 
  private:
-  Reflections conjugateResiduals(const Channels& r, const std::function<double(const Channels&)>& goal, size_t mostSweeps);
+  Reflections conjugateResiduals(const Channels& r, size_t mostSweeps, const Goal& goal);
 
   // One sweep of d = r + rho F d; returns the largest change.
   double jacobi(const Channels& r, Field& d);

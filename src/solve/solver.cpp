@@ -8,7 +8,6 @@
 #include "solve/system.h"
 
 #include <array>
-#include <bit>
 #include <numeric>
 
 namespace farol {
@@ -78,7 +77,7 @@ void requireSteadyState(const FormFactorMatrix& f, const PatchSet& patches, cons
 }
 
 Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct,
-                        const Scene& scene, const SolveOptions& options, const Log& log) {
+                   const Scene& scene, const SolveOptions& options, const Log& log) {
   requireSteadyState(f, patches, scene, options.sky);
   System system(f, patches, direct, options.sky);
   const std::optional<Rgb> colour = system.makeOneColour();
@@ -134,7 +133,10 @@ Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const Dir
       if (!triedOnDevice([&] { made = onDevice->reflections(r, goal, most); })) continue;
     } else {
       const Channels start = b.columns() + r;
-      made = onHost.reflections(r, [&](const Channels& sum) { return options.residual * meanRadiosity.of(start + sum); }, most);
+      made = onHost.reflections(r, most, [&](const Channels& sum, size_t sweeps) {
+        progress.update(result.sweeps + sweeps);
+        return options.residual * meanRadiosity.of(start + sum);
+      });
     }
     b.add(r);
     b.add(made.sum);
@@ -165,7 +167,6 @@ Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const Dir
     result.converged = result.error <= options.residual;
   }
 
-  
   // Black patches are no part of the residual: their irradiance is gathered here.
   std::vector<size_t> rest;
   for (size_t i = 0, k = 0; i < patches.size(); ++i) {
