@@ -71,7 +71,7 @@ template <size_t Channels, bool Weighted>
   std::memcpy(sums, &sum, Channels * sizeof(double));
 }
 
-// The loops for one kind of processor, whose registers hold the sums of GROUP rows.
+// The loops for one kind of processor, whose registers hold the sums of GROUP rows. NOLINTBEGIN(bugprone-macro-parentheses)
 #define FAROL_LOOPS_FOR(NAME, GROUP, TARGET)                                                                               \
   struct NAME {                                                                                                            \
     template <size_t Channels, typename Factor, size_t Rows>                                                               \
@@ -88,6 +88,7 @@ template <size_t Channels, bool Weighted>
       listLoop<Channels, Weighted>(ids, values, count, b, sums);                                                           \
     }                                                                                                                      \
   };
+// NOLINTEND(bugprone-macro-parentheses)
 FAROL_LOOPS_FOR(Plain, 1, )
 #if defined(__x86_64__)
 FAROL_LOOPS_FOR(Avx2, 2, [[gnu::target("avx2,fma")]])
