@@ -79,7 +79,7 @@ MethodChoice chooseMethod(const Situation& at) {
     return {byRays, "rays take less time than looking for a GPU"};
   const std::vector<gpu::DeviceInfo> hardware = hardwareDevices();
   if (hardware.empty()) return {byRays, "no GPU: a software device is slower than rays"};
-  const double rays = rowsPerSecond(at, byRays), raster = rowsPerSecond(at, byRaster);
+  const double rays = probeRows(at, byRays).rowsPerSecond, raster = probeRows(at, byRaster).rowsPerSecond;
   // At equal row errors: hemicubes 0.31 s^-0.57, rays 0.38 s^-0.6 (s samples per visible patch).
   const double pixels = 3.0 * o.resolution * o.resolution;
   const double worth = std::pow(0.31 / 0.38, 2) * std::pow(pixels, -1.14) / std::pow(raysOf(o), -1.2);
@@ -89,21 +89,33 @@ MethodChoice chooseMethod(const Situation& at) {
 }
 
 // Rows spread over the scene: neighbours would all be as cheap or as dear as their wall.
-double rowsPerSecond(const Situation& at, const MethodSpec& spec, double seconds) {
+RowProbe probeRows(const Situation& at, const MethodSpec& spec, double seconds) {
   const std::unique_ptr<RowMaker> maker = at.methods.maker(spec);
   const size_t n = at.patches.size(), fronts = at.patches.frontPatchCount;
   FormFactorMatrix warmUp(n);  // the first rows wait for a driver to compile shaders
   maker->makeRows(std::vector<uint32_t>{0}, warmUp, [](size_t) {});
-  const size_t chunk = std::max<size_t>(32, at.methods.softwareDevices * at.methods.batch);
-  size_t rows = 0;
-  const Stopwatch watch;
-  while (rows < fronts && watch.seconds() < seconds) {
+  const size_t chunk = spec.kind == MethodSpec::Kind::rays ? 256 : std::max<size_t>(32, at.methods.softwareDevices * at.methods.batch);
+  size_t rows = 0, bytes = 0;
+  double spent = 0;
+  std::vector<bool> backs(n - fronts, false);
+  while (rows < fronts && spent < seconds) {
     std::vector<uint32_t> probe;
     for (size_t k = 0; k < chunk && rows < fronts; ++k, ++rows) probe.push_back(static_cast<uint32_t>(rows * 7919 % fronts));
     FormFactorMatrix store(n);
+    if (at.patches.colouredSpecular()) store.addChannels();
+    const Stopwatch watch;
     maker->makeRows(probe, store, [](size_t) {});
+    spent += watch.seconds();
+    bytes += store.bytes();
+    for (const uint32_t p : probe) {
+      store[p].forEach([&](size_t j, double) {
+        if (j >= fronts) backs[j - fronts] = true;
+      });
+    }
   }
-  return static_cast<double>(rows) / watch.seconds();
+  RowProbe result{static_cast<double>(rows) / spent, static_cast<double>(bytes) / static_cast<double>(std::max<size_t>(rows, 1)), fronts};
+  for (size_t k = 0; k < backs.size(); ++k) result.rows += backs[k] || at.patches.patches[fronts + k].emits() ? 1 : 0;
+  return result;
 }
 
 uint64_t allowedBytes(const Options& options) {

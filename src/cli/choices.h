@@ -25,8 +25,13 @@ MethodChoice chooseMethod(const Situation& at);
 // Throws Error where the scene has mirrors or glass and the method does not follow them.
 void requireFollowed(const Situation& at, MethodSpec::Kind kind);
 
-// Rows of F that `spec` makes, measured.
-double rowsPerSecond(const Situation& at, const MethodSpec& spec, double seconds = 0.1);
+// Rows of F that `spec` makes, measured on rows of front sides that are spread over the scene.
+struct RowProbe {
+  double rowsPerSecond = 0;
+  double bytesPerRow = 0;  // of all channels, in float32
+  size_t rows = 0;         // of F in all: the front sides, and the back sides that the probe met
+};
+RowProbe probeRows(const Situation& at, const MethodSpec& spec, double seconds = 0.1);
 
 struct StorageChoice {
   Storage storage = Storage::float32;

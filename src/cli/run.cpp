@@ -710,7 +710,9 @@ class Run {
       say("{} vertices were moved to a neighbour within {:.3g} units", facets_.welded,
           kWeldTolerance * facets_.frame.size);
     say("method: {} ({})", methodText(*spec_), report_.why);
-    const StorageChoice storage = chooseStorage(situation_, *spec_);
+    const RowProbe probe = probeRows(situation_, *spec_, kProbeSeconds);
+    StorageChoice storage = chooseStorage(situation_, *spec_);
+    if (storage.storage == Storage::float32) storage.bytes = probe.bytesPerRow * static_cast<double>(probe.rows);
     report_.matrixBytes = static_cast<uint64_t>(storage.bytes);
     report_.storageWhy = storage.why;
     say("form factors would take {:.4g} MB; {:.4g} MB are allowed ({})", storage.bytes * 1e-6,
@@ -721,9 +723,8 @@ class Run {
     report_.emitters = plan.emitters;
     report_.lampsWhy = plan.why;
     if (report_.emittingPatches > 0) say("emitters: {}", plan.why);
-    const double rate = rowsPerSecond(situation_, *spec_, kProbeSeconds);
     say("form factors would take {:.3g} s ({:.0f} rows/s measured)",
-        static_cast<double>(patches_.frontPatchCount) / rate, rate);
+        static_cast<double>(probe.rows) / probe.rowsPerSecond, probe.rowsPerSecond);
     report_.clock.finish("probe");
   }
 

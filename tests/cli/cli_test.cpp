@@ -207,6 +207,22 @@ TEST(Info, ForecastsAndWritesNothing) {
   EXPECT_TRUE(folder.files().empty());
 }
 
+// Dense rows, lists of hits, lists of entries; back sides that have rows; mirrors.
+TEST(Info, ForecastsTheMemoryOfFWithinATenth) {
+  const TemporaryFolder folder;
+  const std::string scenes = FAROL_SCENES "/";
+  for (const std::string run : {"cornell_box/cornell_box.gltf --patches 1000 --rays 4096", "cornell_box/cornell_box.gltf --patches 4000 --rays 256",
+                                 "cornell_box/cornell_box.gltf --patches 4000 --rays 1024", "reading_corner/reading_corner.glb --rays 64",
+                                 "mirrors_and_glass/mirror_room.gltf --patches 1000 --rays 512"}) {
+    const auto bytesOf = [&](const std::string& command) {
+      EXPECT_EQ(farol(command + " " + scenes + run + " --method rays --quiet --report " + folder.path("r.json")).exitCode, 0);
+      return nlohmann::json::parse(readText(folder.path("r.json")))["matrix_bytes"].get<double>();
+    };
+    const double forecast = bytesOf("info"), made = bytesOf("factors");
+    EXPECT_NEAR(forecast, made, 0.1 * made) << run;
+  }
+}
+
 TEST(Quiet, LeavesStandardOutputEmpty) {
   const TemporaryFolder folder;
   const Outcome o = farol("render " + kCornell + " -o " + folder.path("p.png") + " --size 16x16 --patches 100 --quiet");
