@@ -75,6 +75,7 @@ HostSweeps::HostSweeps(const System& system, const PatchSet& patches, SolverKind
 Reflections HostSweeps::conjugateResiduals(const Channels& r, size_t mostSweeps, const Goal& goal) {
   constexpr size_t kDirections = 8;
   constexpr double kMargin = 0.7, kRounding = 1e-14;
+  if (mostSweeps < 2) return {Channels::Zero(r.rows(), 3), {largest(r)}, 0};
   // What lies on black patches is reflected once, and is no part of the residual afterwards.
   Channels residual = system_.reflectOnce(Field(r));
   Reflections result{Channels::Zero(r.rows(), 3), {largest(r), largest(residual)}};

@@ -193,7 +193,6 @@ Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const Dir
     }
     if (direct.isApart(i)) result.radiosity[i] += patches.patches[i].emission;
   }
-  
   return result;
 }
 

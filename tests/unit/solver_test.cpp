@@ -129,6 +129,8 @@ TEST(Solver, ReportsThatItDidNotConverge) {
     EXPECT_FALSE(s.converged);
     EXPECT_EQ(s.sweeps, 5u);
     EXPECT_GT(s.error, 1e-9);
+    EXPECT_EQ(s.history.size(), 6u);  // the first residual, then one of each sweep
+    for (size_t most = 1; most < 60; ++most) EXPECT_LE(given.solve(kind, 1e-17, most).sweeps, most);
   }
 }
 
