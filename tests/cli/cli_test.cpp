@@ -208,18 +208,18 @@ TEST(Info, ForecastsAndWritesNothing) {
 }
 
 // Dense rows, lists of hits, lists of entries; back sides that have rows; mirrors.
-TEST(Info, ForecastsTheMemoryOfFWithinATenth) {
+TEST(Info, ForecastsTheMemoryOfF) {
   const TemporaryFolder folder;
   const std::string scenes = FAROL_SCENES "/";
   for (const std::string run : {"cornell_box/cornell_box.gltf --patches 1000 --rays 4096", "cornell_box/cornell_box.gltf --patches 4000 --rays 256",
-                                 "cornell_box/cornell_box.gltf --patches 4000 --rays 1024", "reading_corner/reading_corner.glb --rays 64",
+                                 "cornell_box/cornell_box.gltf --patches 4000 --rays 1024", "reading_corner/reading_corner.glb --patches 12000 --rays 512",
                                  "mirrors_and_glass/mirror_room.gltf --patches 1000 --rays 512"}) {
     const auto bytesOf = [&](const std::string& command) {
       EXPECT_EQ(farol(command + " " + scenes + run + " --method rays --quiet --report " + folder.path("r.json")).exitCode, 0);
       return nlohmann::json::parse(readText(folder.path("r.json")))["matrix_bytes"].get<double>();
     };
     const double forecast = bytesOf("info"), made = bytesOf("factors");
-    EXPECT_NEAR(forecast, made, 0.1 * made) << run;
+    EXPECT_NEAR(forecast, made, 0.03 * made) << run;
   }
 }
 

@@ -24,6 +24,14 @@ class Tolerance : public ::testing::Test {
   TemporaryFolder folder_;
 };
 
+// Coarse trials see too little of edges to recommend fewer patches than they had; the time that is told holds them.
+TEST_F(Tolerance, TakesNoFewerPatchesThanItsTrial) {
+  ASSERT_EQ(solve(FAROL_SCENES "/mirrors_and_glass/mirror_room.gltf", "--tolerance 0.05").exitCode, 0);
+  const json r = report();
+  EXPECT_GE(r["counts"]["patches"], 400);
+  EXPECT_GT(r["tolerance"]["predicted_seconds"].get<double>(), r["tolerance"]["choosing_seconds"].get<double>());
+}
+
 TEST_F(Tolerance, ChartHasItsDataBesideIt) {
   const std::string command = "chart " + kCornell + " --patches 200 --time 5 -o " + path("chart.svg");
   const Outcome o = farol(command);

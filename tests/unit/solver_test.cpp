@@ -1,6 +1,7 @@
 // The solver on systems small enough for paper: F is given, not computed.
 #include "base/error.h"
 #include "given_system.h"
+#include "solve/system.h"
 
 #include <gtest/gtest.h>
 
@@ -197,6 +198,37 @@ TEST(Solver, SolvesGreyScenesInOneChannel) {
       }
     }
   }
+}
+
+// Grey patches and two lamps of different colours, if only by a thousandth, are no matter of one channel.
+TEST(Solver, KeepsTheColoursOfTwoLamps) {
+  GivenSystem given({{0, 0.5, 0.5}, {0.5, 0, 0.5}, {0.5, 0.5, 0}}, {0, 0, 0.5}, {1, 1, 0});
+  given.patches.patches[0].emission = Rgb(1, 0, 0.5);
+  given.patches.patches[1].emission = Rgb(1, 1e-3, 0.5);
+  for (const SolverKind kind : kAll) {
+    const Solution s = given.solve(kind);
+    EXPECT_EQ(s.channels, 3);
+    EXPECT_NEAR(s.radiosity[2].g, 0.5 * 0.5 * 1e-3, 1e-12);
+    EXPECT_NEAR(s.irradiance[0].g, 0.5 * (s.radiosity[2].g + 1e-3), 1e-12);
+    EXPECT_NEAR(s.irradiance[1].g, 0.5 * s.radiosity[2].g, 1e-12);
+  }
+}
+
+// Channels that are alike are kept once, and no longer.
+TEST(Field, NoticesWhatIsAlike) {
+  const GivenSystem given({{0.1, 0.2, 0.3}, {0, 0, 0.5}, {0.5, 0.5, 0}}, {0.5, 0.5, 0.5}, {1, 0, 0});
+  const System system(given.f, given.patches, {}, Rgb(0));
+  Field b(Channels::Ones(3, 3));
+  EXPECT_TRUE(b.alike());
+  EXPECT_NEAR(system.gather(0, b)[1], 0.6, 1e-7);
+  b.set(2, {1, 2, 3});
+  EXPECT_FALSE(b.alike());
+  EXPECT_NEAR(system.gather(0, b)[1], 0.9, 1e-7);
+  EXPECT_NEAR(system.gather(0, b)[2], 1.2, 1e-7);
+  Channels back = Channels::Zero(3, 3);
+  back.row(2) = Eigen::RowVector3d(0, -1, -2);
+  b.add(back);
+  EXPECT_TRUE(b.alike());
 }
 
 TEST(Solver, LeavesBlackPatchesAsTheyAre) {
