@@ -428,7 +428,7 @@ class Run {
         report_.lamps, report_.emitters, scene_.lights.size(), report_.shadowRays, *report_.estimatedError);
     const Solution& s = lighting_.solution;
     say("solve: {} on {} ({}): {} sweeps, residual {:.3g}, contraction {:.4f}, error of B {:.2g} of its mean: {}",
-        solveDevice_ != nullptr ? "jacobi" : solverName(options_.solver), report_.solveOn, report_.solveOnWhy, s.sweeps,
+        solveDevice_ != nullptr ? "jacobi" : solverName(s.kind), report_.solveOn, report_.solveOnWhy, s.sweeps,
         s.residual, s.contraction, s.error, s.converged ? "converged" : "NOT converged");
     const EnergyBalance& e = *report_.energy;
     const double in = luminance(e.emitted + e.fromSky + e.fromPunctual);

@@ -59,8 +59,7 @@ struct Spanned {
 
 }  // namespace
 
-HostSweeps::HostSweeps(const System& system, const PatchSet& patches, SolverKind kind)
-    : system_(system), kind_(kind), weights_(system.reflectance) {
+HostSweeps::HostSweeps(const System& system, const PatchSet& patches) : system_(system), weights_(system.reflectance) {
   for (Eigen::Index i = 0; i < weights_.rows(); ++i) {
     const auto patch = static_cast<size_t>(i);
     const double area = patches.patches[patch].area * system.factors().shares(patch).exposed;
@@ -71,11 +70,11 @@ HostSweeps::HostSweeps(const System& system, const PatchSet& patches, SolverKind
 
 // Truncated generalised conjugate residuals (Eisenstat, Elman and Schultz, 1983), each channel with its own: a step
 // takes from the residual what the last directions can. In the weights rho F is self-adjoint but for its errors, so that few
-// directions do.
+// directions do. Where it is far from that they may not: after so many steps that have not halved the residual it is stuck.
 Reflections HostSweeps::conjugateResiduals(const Channels& r, size_t mostSweeps, const Goal& goal) {
-  constexpr size_t kDirections = 8;
+  constexpr size_t kDirections = 8, kPatience = 64;
   constexpr double kMargin = 0.7, kRounding = 1e-14;
-  if (mostSweeps < 2) return {Channels::Zero(r.rows(), 3), {largest(r)}, 0};
+  if (mostSweeps < 2) return {Channels::Zero(r.rows(), 3), {largest(r)}};
   // What lies on black patches is reflected once, and is no part of the residual afterwards.
   Channels residual = system_.reflectOnce(Field(r));
   Reflections result{Channels::Zero(r.rows(), 3), {largest(r), largest(residual)}};
@@ -95,6 +94,9 @@ Reflections HostSweeps::conjugateResiduals(const Channels& r, size_t mostSweeps,
       lookAtRadius();
       if (enough()) return result;
     }
+    const size_t n = result.changes.size();
+    result.stuck = n > kPatience && result.changes[n - 1] > 0.5 * result.changes[n - 1 - kPatience];
+    if (result.stuck) break;
     Channels &p = directions[k % kDirections], &image = images[k % kDirections];
     p = residual;
     image = residual - system_.reflectOnce(Field(residual));
@@ -160,12 +162,12 @@ double HostSweeps::gaussSeidel(const Channels& r, Field& d) {
   return change;
 }
 
-Reflections HostSweeps::reflections(const Channels& r, size_t mostSweeps, const Goal& goal) {
-  if (kind_ == SolverKind::conjugateResiduals) return conjugateResiduals(r, mostSweeps, goal);
+Reflections HostSweeps::reflections(SolverKind kind, const Channels& r, size_t mostSweeps, const Goal& goal) {
+  if (kind == SolverKind::conjugateResiduals) return conjugateResiduals(r, mostSweeps, goal);
   Field d(r);
   Reflections result{Channels::Zero(r.rows(), 3), {largest(r)}};
   for (bool more = result.changes.size() < mostSweeps; more;) {
-    result.changes.push_back(kind_ == SolverKind::gaussSeidel ? gaussSeidel(r, d) : jacobi(r, d));
+    result.changes.push_back(kind == SolverKind::gaussSeidel ? gaussSeidel(r, d) : jacobi(r, d));
     result.sum = d.columns() - r;
     more = sweepsMissing(result.changes, kWellBelow * goal(result.sum, result.changes.size() - 1)) > 0 && result.changes.size() < mostSweeps;
   }

@@ -10,12 +10,12 @@ namespace farol {
 
 class HostSweeps {
  public:
-  HostSweeps(const System& system, const PatchSet& patches, SolverKind kind);
+  HostSweeps(const System& system, const PatchSet& patches);
 
   // What error is small enough, asked between sweeps with their sum and number so far.
   using Goal = std::function<double(const Channels& sum, size_t sweeps)>;
   // Until what the remaining sweeps would add is well below the goal, or changes have stopped to shrink.
-  Reflections reflections(const Channels& r, size_t mostSweeps, const Goal& goal);
+  Reflections reflections(SolverKind kind, const Channels& r, size_t mostSweeps, const Goal& goal);
 
  private:
   Reflections conjugateResiduals(const Channels& r, size_t mostSweeps, const Goal& goal);
@@ -25,7 +25,6 @@ class HostSweeps {
   double gaussSeidel(const Channels& r, Field& d);
 
   const System& system_;
-  SolverKind kind_;
   Channels weights_;  // exposed area / rho, in which rho F is self-adjoint; 0 for what is black
 };
 

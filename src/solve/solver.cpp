@@ -82,6 +82,7 @@ Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const Dir
   System system(f, patches, direct, options.sky);
   const std::optional<Rgb> colour = system.makeOneColour();
   Solution result;
+  result.kind = options.kind;
   result.channels = colour ? 1 : 3;
   result.bound = system.bound;
   Progress progress(log, "solve", "sweeps", 0);
@@ -90,7 +91,7 @@ Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const Dir
                 scene.path, result.sweeps, found, system.bound, system.worstRow);
   };
   std::optional<GpuJacobi> onDevice;
-  HostSweeps onHost(system, patches, options.kind);
+  HostSweeps onHost(system, patches);
   // A device that fails is left: b and r are the host's, so nothing is lost but time.
   const auto triedOnDevice = [&](const auto& work) {
     try {
@@ -125,7 +126,7 @@ Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const Dir
     // Sweeps for what r still lacks: the sum of all its reflections. A device makes them in float32.
     size_t most = options.maxSweeps - result.sweeps + (free ? 1 : 0);
     constexpr size_t kFirstLook = 8;  // at sums that may grow
-    const bool krylov = options.kind == SolverKind::conjugateResiduals && !onDevice;
+    const bool krylov = result.kind == SolverKind::conjugateResiduals && !onDevice;
     if (system.bound > 1 && !krylov) most = std::min(most, std::max(kFirstLook, result.sweeps) + (free ? 1 : 0));
     Reflections made;
     if (onDevice) {
@@ -133,7 +134,7 @@ Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const Dir
       if (!triedOnDevice([&] { made = onDevice->reflections(r, goal, most); })) continue;
     } else {
       const Channels start = b.columns() + r;
-      made = onHost.reflections(r, most, [&](const Channels& sum, size_t sweeps) {
+      made = onHost.reflections(result.kind, r, most, [&](const Channels& sum, size_t sweeps) {
         progress.update(result.sweeps + sweeps);
         return options.residual * meanRadiosity.of(start + sum);
       });
@@ -147,15 +148,25 @@ Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const Dir
     progress.update(result.sweeps);
     if (!std::isfinite(change) || change > 1e3 * firstResidual)
       refuse(fmt::format("a sweep changes radiosity by {:.3g}, the first residual was {:.3g}", change, firstResidual));
+    if (made.radius >= 1 && result.sweeps < options.maxSweeps) {
+      // Conjugate residuals would end at what no light adds up to. Whether it grows, or rows are far from reciprocal, sweeps
+      // from the start tell.
+      result.kind = SolverKind::gaussSeidel;
+      b = Field(Channels::Zero(r.rows(), 3));
+      r = system.start();
+      free = true;
+      continue;
+    }
 
     r = system.residualOf(b, gathered);
     result.residual = largest(r);
     // One more Jacobi sweep on the residual shows how much a sweep still takes off the slowest part; after Gauss-Seidel,
     // which leaves that part small beside the others, the ratio of its last changes does. Conjugate residuals know.
     const Contraction found = contractionOn(system, patches, r);
-    if (system.bound > 1 && (krylov || result.sweeps >= kFirstLook) && change > 0) {
+    if (made.stuck) result.kind = SolverKind::gaussSeidel;
+    if (system.bound > 1 && result.sweeps >= kFirstLook && change > 0 && change >= result.history[result.history.size() / 2]) {
       // Over two sweeps: rows that are not reciprocal may grow in one and shrink in the next.
-      const double growth = std::max(made.radius, std::sqrt(found.ofNorm * contractionOn(system, patches, system.reflectOnce(Field(r))).ofNorm));
+      const double growth = std::sqrt(found.ofNorm * contractionOn(system, patches, system.reflectOnce(Field(r))).ofNorm);
       if (growth >= 1) refuse(fmt::format("a sweep multiplies the residual by {:.4f}", growth));
     }
     const size_t n = result.history.size();

@@ -33,6 +33,8 @@ struct Solution {
   std::vector<Rgb> irradiance;  // H = D_i + sum_j F_ij B_j (without E of emitters apart) + missed_i sky
 
   bool converged = true;
+  // The one asked for, or Gauss-Seidel where conjugate residuals are no help: on rows far from reciprocal, or where light grows.
+  SolverKind kind{};
   int channels = 3;  // that were solved: 1 where all patches are grey and all light has one colour
   size_t sweeps = 0;
   double residual = 0;     // max|E - B + rho H| over patches and channels [flux per area]

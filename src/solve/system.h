@@ -97,6 +97,7 @@ struct Reflections {
   Channels sum;                 // rho F r + (rho F)^2 r + ...
   std::vector<double> changes;  // largest, of each sweep; of r itself first
   double radius = 0;            // spectral radius of rho F, where the method has seen it
+  bool stuck = false;           // it gets no further
 };
 // Sweeps that are still missing until what the remaining ones add is below `target`; 0: enough, or changes have stopped
 // to shrink. Judged by the last two changes and by those of eight sweeps ago.

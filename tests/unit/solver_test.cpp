@@ -4,6 +4,7 @@
 #include "solve/system.h"
 
 #include <gtest/gtest.h>
+#include <numeric>
 
 namespace farol::test {
 namespace {
@@ -198,6 +199,65 @@ TEST(Solver, SolvesGreyScenesInOneChannel) {
       }
     }
   }
+}
+
+// Patches a thousand times larger than others: only in the weights area / rho, in which rho F is self-adjoint, are eight
+// directions as good as all of them.
+TEST(Solver, ConjugateResidualsWeighPatches) {
+  GivenSystem given = chain(60, 0.99);
+  for (uint32_t i = 0; i < 60; ++i) given.patches.patches[i].area = std::pow(10.0, 3 * unitFromBits(mixBits(i)));
+  FormFactorMatrix f(60);
+  for (uint32_t i = 0; i < 60; ++i) {  // A_i F_ij is half of the smaller area
+    const auto row = f.row(i);
+    std::fill(row.begin(), row.end(), 0.0f);
+    for (const uint32_t j : {i - 1, i + 1}) {
+      const double own = given.patches.patches[i].area;
+      if (j < 60) row[j] = static_cast<float>(0.5 * std::min(own, given.patches.patches[j].area) / own);
+    }
+    row[i] = static_cast<float>(1 - std::accumulate(row.begin(), row.end(), 0.0));  // what is left stays
+    f.finish(i, {});
+  }
+  given.f = f;
+  const Solution few = given.solve(SolverKind::conjugateResiduals), many = given.solve(SolverKind::gaussSeidel);
+  EXPECT_LE(few.sweeps, 100u);
+  EXPECT_NEAR(few.contraction, 0.99, 1e-4);
+  for (size_t i = 0; i < 60; ++i) EXPECT_NEAR(few.radiosity[i].r, many.radiosity[i].r, 1e-8 * many.radiosity[0].r);
+}
+
+// Rows that are nowhere near reciprocal: no norm is left in which conjugate residuals are sure to get on.
+TEST(Solver, SolvesWhatIsNotReciprocal) {
+  GivenSystem given = chain(60, 0.99);
+  for (uint32_t i = 0; i < 60; ++i) given.patches.patches[i].area = std::pow(10.0, 3 * unitFromBits(mixBits(i)));
+  const Solution found = given.solve(SolverKind::conjugateResiduals, 1e-8), known = given.solve(SolverKind::gaussSeidel, 1e-10);
+  EXPECT_TRUE(found.converged);
+  EXPECT_EQ(found.kind, SolverKind::gaussSeidel);
+  EXPECT_LT(found.sweeps, known.sweeps + 100);
+  for (size_t i = 0; i < 60; ++i) EXPECT_NEAR(found.radiosity[i].r, known.radiosity[i].r, 1e-7 * known.radiosity[0].r);
+}
+
+// A spectral radius of 1.028 is refused by whatever solver; a row that sums to 1.04 among others is not: its chain has one of
+// 0.99 x 0.52 / sqrt(0.52 - 0.25) = 0.991.
+TEST(Solver, TellsGrowingLightFromOneRowTooLarge) {
+  GivenSystem given = chain(60, 0.99);
+  const auto lift = [&](uint32_t i, float value) {
+    const auto row = given.f.row(i);
+    for (const uint32_t j : {i - 1, i + 1}) {
+      if (j < 60) row[j] = value;
+    }
+    given.f.finish(i, {});
+  };
+  lift(10, 0.52f);
+  for (const SolverKind kind : kAll) {
+    const Solution s = given.solve(kind, 1e-8);
+    EXPECT_TRUE(s.converged);
+    EXPECT_NEAR(s.radiosity[10].r, 0.52 * 0.99 * (s.radiosity[9].r + s.radiosity[11].r), 1e-7);
+  }
+  // Areas that make these rows anything but reciprocal: norms may grow, light does not, and nothing is refused.
+  GivenSystem unequal = given;
+  for (uint32_t i = 0; i < 60; ++i) unequal.patches.patches[i].area = std::pow(10.0, 3 * unitFromBits(mixBits(i)));
+  for (const SolverKind kind : kAll) EXPECT_NO_THROW(unequal.solve(kind, 1e-8, 4000));
+  for (uint32_t i = 0; i < 60; ++i) lift(i, 0.52f);
+  for (const SolverKind kind : kAll) EXPECT_THROW(given.solve(kind, 1e-8), Error);
 }
 
 // Grey patches and two lamps of different colours, if only by a thousandth, are no matter of one channel.
