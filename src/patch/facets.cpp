@@ -215,7 +215,8 @@ PointAttributes attributesAt(const Surface& surface, const Facet& facet, double 
   for (size_t set = 0; set < 2; ++set) {
     if (!surface.texcoords[set].empty()) at.uv[set] = blend(surface.texcoords[set]);
   }
-  if (!surface.colors.empty()) at.color = blend(surface.colors);
+  // Between colours of 0 or more; on an edge where one vanishes rounding may say a little less.
+  if (!surface.colors.empty()) at.color = glm::max(blend(surface.colors), Rgb(0));
   return at;
 }
 

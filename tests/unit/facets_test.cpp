@@ -27,6 +27,17 @@ TEST(Facets, KeepTrianglesThatMakeNoParallelogram) {
   EXPECT_EQ(facetsOf({{"fold", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0.01}, {0, 1, 0}}}}}).facets.size(), 2u);
 }
 
+// 1 - 0.8 - 0.2 is -5.6e-17 in double, and no reflectance is below 0.
+TEST(Facets, BlendColoursToNoLessThanNothing) {
+  Surface surface;
+  surface.colors = {Rgb(1), Rgb(0), Rgb(0)};
+  Facet facet{};
+  facet.vertices = {0, 1, 2};
+  EXPECT_LT(1 - 0.8 - 0.2, 0);
+  EXPECT_EQ(attributesAt(surface, facet, 0.8, 0.2).color, Rgb(0));
+  EXPECT_EQ(attributesAt(surface, facet, 0.25, 0.25).color, Rgb(0.5));
+}
+
 TEST(Facets, LeaveOutDegenerateAndDuplicateTriangles) {
   const std::vector<Vec3> good = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
   const FacetSet set = facetsOf({{"t",
