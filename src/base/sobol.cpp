@@ -1,5 +1,6 @@
 #include "base/sobol.h"
 
+#include <bit>
 #include <cstddef>
 
 namespace farol {
@@ -33,12 +34,30 @@ Directions makeDirections() {
 
 }  // namespace
 
+namespace {
+
+// What each value of each byte of a number brings.
+using Bytes = std::array<std::array<std::array<uint32_t, 4>, 256>, 4>;
+
+Bytes makeBytes() {
+  const Directions directions = makeDirections();
+  Bytes bytes{};
+  for (uint32_t b = 0; b < 4; ++b) {
+    for (uint32_t value = 1; value < 256; ++value) {
+      const auto last = static_cast<uint32_t>(std::countr_zero(value));
+      for (size_t d = 0; d < 4; ++d) bytes[b][value][d] = bytes[b][value & (value - 1)][d] ^ directions[d][8 * b + last];
+    }
+  }
+  return bytes;
+}
+
+}  // namespace
+
 std::array<uint32_t, 4> sobolPoint(uint32_t number) {
-  static const Directions directions = makeDirections();
-  std::array<uint32_t, 4> x{};
-  for (size_t k = 0; number != 0; number >>= 1, ++k) {
-    if ((number & 1) == 0) continue;
-    for (size_t d = 0; d < 4; ++d) x[d] ^= directions[d][k];
+  static const Bytes bytes = makeBytes();
+  std::array<uint32_t, 4> x = bytes[0][number & 255];
+  for (uint32_t b = 1; b < 4 && number >> 8 * b != 0; ++b) {
+    for (size_t d = 0; d < 4; ++d) x[d] ^= bytes[b][number >> 8 * b & 255][d];
   }
   return x;
 }

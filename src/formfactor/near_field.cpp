@@ -82,7 +82,7 @@ double NearField::visibleShare(std::span<const Position> from, uint32_t i, uint3
     packet.set(lanes++, p, d);
   }
   if (lanes == 0) return 1;
-  const uint32_t hidden = tracer_.occluded(packet, lanes);
+  const uint32_t hidden = tracer_.occluded(packet, firstRays(lanes));
   double all = 0, visible = 0;
   for (uint32_t k = 0; k < lanes; ++k) {
     all += kernel[k];

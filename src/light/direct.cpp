@@ -1,17 +1,20 @@
 #include "light/direct.h"
 
-#include "base/sobol.h"
 #include "formfactor/analytic.h"
 #include "formfactor/rays.h"
 #include "patch/positions.h"
 #include "trace/cover.h"
 
+#include <bit>
 #include <tbb/parallel_for.h>
 
 namespace farol {
 namespace {
 
-constexpr uint32_t kPenumbraFactor = 4;  // rays where neighbours see a lamp partly, relative to elsewhere
+// Where neighbours see a lamp partly there are four times the rays asked for, elsewhere a fourth of them, which is enough to be
+// asked by neighbours.
+constexpr uint32_t kPenumbraFactor = 4, kElsewhere = 4, kFewestToAsk = 16;
+constexpr size_t kEnoughToAsk = 5;
 constexpr double kFewestRays = 4;        // a source that deserves fewer shares them with the others of its kind
 
 }  // namespace
@@ -53,10 +56,8 @@ Rgb unoccludedIrradiance(const PunctualLight& light, const Vec3& point, const Ve
 DirectIrradiance::DirectIrradiance(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches,
                                    std::span<const Lamp> lamps, std::span<const PunctualLight> lights,
                                    const DirectOptions& options)
-    : tracer_(tracer), facets_(facets), patches_(patches), lamps_(lamps), lights_(lights), options_(options) {
-  const uint32_t count = SampleTable::kBlocks * kPenumbraFactor * options.shadowRays;
-  for (uint32_t k = 0; k < count; ++k) points_.push_back(sobolPoint(k));
-}
+    : tracer_(tracer), facets_(facets), patches_(patches), lamps_(lamps), lights_(lights), options_(options),
+      points_(SampleTable::kBlocks * kPenumbraFactor * options.shadowRays) {}
 
 DirectIrradiance::Receiver DirectIrradiance::receiverOf(uint32_t patch, double exposed) const {
   const Patch& p = patches_.patches[patch];
@@ -77,16 +78,17 @@ DirectIrradiance::Receiver DirectIrradiance::receiverOf(uint32_t patch, double e
   return r;
 }
 
-DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t rays) const {
-  struct Source {
-    const Lamp* lamp;
-    const PunctualLight* light;
-    Rgb irradiance;  // unoccluded
-    double weight;
-    std::array<uint32_t, 4> shift;  // of the sequence
-  };
+// A lamp or a punctual light as one receiver knows it.
+struct DirectIrradiance::Source {
+  const Lamp* lamp;
+  const PunctualLight* light;
+  Rgb irradiance;  // unoccluded
+  double weight;   // its largest channel
+  std::array<uint32_t, 4> shift;  // of the sequence
+};
+
+std::vector<DirectIrradiance::Source> DirectIrradiance::sourcesOf(const Receiver& r) const {
   std::vector<Source> sources;
-  double total = 0;
   std::vector<Position> morePoints;  // made when a lamp is near, or when part of the patch is behind it
   const auto pointsFor = [&](const Lamp& lamp) -> const std::vector<Position>& {
     const bool isNear = glm::distance(lamp.centre, r.centre) < lamp.radius + 3 * r.radius;
@@ -104,7 +106,6 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
     const uint64_t seed = r.seed ^ mixBits(number);
     for (size_t c = 0; c < 4; ++c) source.shift[c] = static_cast<uint32_t>(mixBits(seed + c));
     sources.push_back(source);
-    total += weight;
   };
   for (const Lamp& lamp : lamps_) {
     bool above = r.bent;
@@ -120,157 +121,181 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
       irradiance += q.weight * unoccludedIrradiance(light, facets_.frame.toScene(q.point), q.normal);
     add(nullptr, &light, irradiance);
   }
+  return sources;
+}
+
+// Shadow rays of one receiver, a packet at a time.
+class DirectIrradiance::Visibility {
+ public:
+  Visibility(const DirectIrradiance& all, const Receiver& r)
+      : all_(all), r_(r), margin_(static_cast<float>(std::min(0.01, 2 * kRayOffset / std::max(r.radius, 1e-9)))) {
+    if (r.pieces.empty()) point_ = {.origin = r.centre, .normal = r.normal};
+    for (const Piece& piece : r.pieces) area_ += piece.area;
+    const Piece& first = r.pieces.empty() ? point_ : r.pieces[0];
+    for (uint32_t k = 0; k < kPacketSize; ++k) packet_.startOn(k, first, r.offset);
+  }
+
+  void aim(uint32_t lane, const Source& source) {
+    at_[lane] = &source;
+    if (source.light != nullptr)
+      packet_.endNowhere(lane, source.shift);
+    else
+      packet_.endOn(lane, *source.lamp, source.lamp->area * maxChannel(source.lamp->emission) / (kPi * source.weight), source.shift);
+  }
+
+  // The first `count` lanes trace points `first` and following of the sequence; calls of(lane, kernel, visible) for those
+  // whose ends see each other's front.
+  template <typename Function>
+  uint32_t trace(uint32_t first, uint32_t count, const Function& of) {
+    packet_.draw(all_.points_, first % all_.points_.count);
+    if (r_.pieces.size() > 1) choosePieces(count);
+    packet_.place(margin_);
+    for (uint32_t k = 0; k < count; ++k) {
+      if (at_[k]->light != nullptr) aimAtLight(k);
+    }
+    uint32_t live = 0;
+    for (uint32_t k = 0; k < count; ++k) live |= packet_.kernel[k] > 0 ? 1u << k : 0u;
+    if (r_.partlyCovered) live &= ~coveredOf(count);
+    const uint32_t hidden = all_.tracer_.occluded(packet_.rays, live);
+    for (uint32_t k = 0; k < count; ++k) {
+      if ((live >> k & 1) != 0) of(k, static_cast<double>(packet_.kernel[k]), (hidden >> k & 1) == 0);
+    }
+    return static_cast<uint32_t>(std::popcount(live));
+  }
+
+  const Source& sourceOf(uint32_t lane) const { return *at_[lane]; }
+
+ private:
+  void choosePieces(uint32_t count) {  // by area; t chooses
+    for (uint32_t k = 0; k < count; ++k) {
+      const double t = static_cast<double>(packet_.t[k]) * area_;
+      size_t at = 0;
+      double before = 0;
+      while (at + 1 < r_.pieces.size() && before + r_.pieces[at].area < t) before += r_.pieces[at++].area;
+      const Piece& piece = r_.pieces[at];
+      packet_.t[k] = static_cast<float>((t - before) / piece.area);
+      packet_.startOn(k, piece, r_.offset);
+      aim(k, *at_[k]);
+    }
+  }
+
+  Vec3 originOf(uint32_t k) const { return {packet_.rays.ox[k], packet_.rays.oy[k], packet_.rays.oz[k]}; }
+
+  void aimAtLight(uint32_t k) {
+    const PunctualLight& light = *at_[k]->light;
+    const Vec3 p = originOf(k), normal = packet_.normalAt(k);
+    packet_.kernel[k] = static_cast<float>(maxChannel(unoccludedIrradiance(light, all_.facets_.frame.toScene(p), normal)) / at_[k]->weight);
+    const Vec3 to = light.kind == PunctualLight::Kind::directional ? -3.0 * light.direction : all_.facets_.frame.toUnit(light.position) - p;
+    packet_.rays.set(k, p, to);
+  }
+
+  uint32_t coveredOf(uint32_t count) const {
+    std::array<Vec3, kPacketSize> points;
+    for (uint32_t k = 0; k < count; ++k) points[k] = originOf(k) - r_.offset * packet_.normalAt(k);
+    return insideObject(all_.tracer_, all_.facets_, std::span(points).first(count), r_.normal, 0);
+  }
+
+  const DirectIrradiance& all_;
+  const Receiver& r_;
+  float margin_;
+  double area_ = 0;
+  Piece point_;
+  std::array<const Source*, kPacketSize> at_{};
+  ShadowPacket packet_;
+};
+
+DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t rays) const {
+  const std::vector<Source> sources = sourcesOf(r);
+  double total = 0;
+  for (const Source& source : sources) total += source.weight;
   Estimate e;
   if (sources.empty()) return e;
-
-  const double margin = std::min(0.01, 2 * kRayOffset / std::max(r.radius, 1e-9));
-  double area = 0;
-  for (const Piece& piece : r.pieces) area += piece.area;
-  struct Origin {
-    Vec3 point, normal;
-  };
-  const auto originOf = [&](double s, double t) -> Origin {
-    if (r.pieces.empty()) return {r.centre, r.normal};
-    size_t at = 0;
-    double before = 0;  // of the area; t also chooses the piece
-    while (at + 1 < r.pieces.size() && before + r.pieces[at].area < t * area) before += r.pieces[at++].area;
-    const Piece& piece = r.pieces[at];
-    t = (t * area - before) / piece.area;
-    if (piece.triangle && s + t > 1) {
-      s = 1 - s;
-      t = 1 - t;
-    }
-    return {piece.at(std::clamp(s, margin, 1 - margin), std::clamp(t, margin, 1 - margin)), piece.normal};
-  };
-  const auto pointOn = [](const Lamp& lamp, double a, double b) {
-    const std::vector<Vec3>& v = lamp.polygon;
-    if (v.size() == 4) return v[0] + a * (v[1] - v[0]) + b * (v[3] - v[0]);
-    return a + b > 1 ? v[0] + (1 - a) * (v[1] - v[0]) + (1 - b) * (v[2] - v[0])
-                     : v[0] + a * (v[1] - v[0]) + b * (v[2] - v[0]);
-  };
-
-  RayPacket packet;
-  double kernel[kPacketSize];
-  const Source* of[kPacketSize];
-  uint32_t lanes = 0;
+  Visibility visibility(*this, r);
+  bool blocked = false, open = false;
+  // Variance of a ratio of sums: sum k^2 (V - share)^2 / (sum k)^2.
   struct Sums {
     double k = 0, kv = 0, k2 = 0, k2v = 0;
-  };
-  struct Pool {
-    Rgb k{0}, kv{0};
-    double k1 = 0, kv1 = 0, k2 = 0, k2v = 0;
-  } pool;
-  Sums sums;
-  bool pooling = false;
-  uint32_t blocked = 0, open = 0;
-  const auto flush = [&] {
-    if (lanes == 0) return;
-    const uint32_t hidden = tracer_.occluded(packet, lanes);
-    e.rays += lanes;
-    for (uint32_t k = 0; k < lanes; ++k) {
-      const bool visible = (hidden >> k & 1) == 0;
-      const double w = kernel[k];
-      (visible ? open : blocked) += 1;
-      if (pooling) {
-        const Rgb share = w * of[k]->irradiance / of[k]->weight;
-        pool.k += share;
-        pool.k1 += w;
-        pool.k2 += w * w;
-        if (visible) {
-          pool.kv += share;
-          pool.kv1 += w;
-          pool.k2v += w * w;
-        }
-      } else {
-        sums.k += w;
-        sums.k2 += w * w;
-        if (visible) {
-          sums.kv += w;
-          sums.k2v += w * w;
-        }
-      }
+    void add(double w, bool visible) {
+      k += w;
+      k2 += w * w;
+      kv += visible ? w : 0;
+      k2v += visible ? w * w : 0;
     }
-    lanes = 0;
+    double share() const { return kv / k; }
+    double variance() const { return (k2v * (1 - share()) * (1 - share()) + (k2 - k2v) * share() * share()) / (k * k); }
   };
-  const auto shoot = [&](const Source& source, uint32_t number) {
-    double x[4];  // where on the patch, where on the source
-    const std::array<uint32_t, 4>& fixed = points_[number % points_.size()];
-    for (size_t c = 0; c < 4; ++c) x[c] = (static_cast<uint32_t>(fixed[c] + source.shift[c]) + 0.5) * 0x1p-32;
-    const auto [p, normal] = originOf(x[0], x[1]);
-    if (r.partlyCovered && insideObject(tracer_, facets_, std::span(&p, 1), r.normal, 0) != 0) return;
-    const Vec3 from = p + r.offset * normal;
-    Vec3 to;
-    double k = 0;
-    if (source.lamp != nullptr) {
-      const Vec3 q = pointOn(*source.lamp, x[2], x[3]), d = q - p;
-      const double squared = glm::dot(d, d);
-      k = std::max(0.0, glm::dot(normal, d)) * std::max(0.0, -glm::dot(source.lamp->normal, d)) / (squared * squared);
-      k *= source.lamp->area * maxChannel(source.lamp->emission) / (kPi * source.weight);
-      to = q + kRayOffset * source.lamp->normal;
-    } else {
-      k = maxChannel(unoccludedIrradiance(*source.light, facets_.frame.toScene(p), normal)) / source.weight;
-      to = source.light->kind == PunctualLight::Kind::directional ? p - 3.0 * source.light->direction
-                                                                  : facets_.frame.toUnit(source.light->position);
-    }
-    if (!(k > 0)) return;
-    packet.set(lanes, from, to - from);
-    kernel[lanes] = k;
-    of[lanes] = &source;
-    if (++lanes == kPacketSize) flush();
-  };
-
+  const auto isPooled = [&](const Source& s) { return sources.size() > 1 && rays * s.weight / total < kFewestRays; };
+  std::vector<const Source*> pool;
   double pooledWeight = 0, variance = 0;
   Rgb pooled(0);
   for (const Source& source : sources) {
-    const double deserved = rays * source.weight / total;
-    if (deserved < kFewestRays && sources.size() > 1) {
+    if (isPooled(source)) {
+      pool.push_back(&source);
       pooledWeight += source.weight;
       pooled += source.irradiance;
       continue;
     }
-    const auto count = static_cast<uint32_t>(std::lround(deserved));
-    sums = {};
-    for (uint32_t k = 0; k < count; ++k) shoot(source, r.block * count + k);
-    flush();
+    const auto count = static_cast<uint32_t>(std::lround(rays * source.weight / total));
+    for (uint32_t lane = 0; lane < kPacketSize; ++lane) visibility.aim(lane, source);
+    Sums sums;
+    for (uint32_t k = 0; k < count; k += kPacketSize) {
+      e.rays += visibility.trace(r.block * count + k, std::min(kPacketSize, count - k), [&](uint32_t, double w, bool visible) {
+        sums.add(w, visible);
+        (visible ? open : blocked) = true;
+      });
+    }
     if (sums.k <= 0) continue;
-    const double share = sums.kv / sums.k;
-    e.irradiance += share * source.irradiance;
-    // Variance of a ratio of sums: sum k^2 (V - share)^2 / (sum k)^2.
-    const double spread = sums.k2v * (1 - share) * (1 - share) + (sums.k2 - sums.k2v) * share * share;
-    variance += source.weight * source.weight * spread / (sums.k * sums.k);
+    e.irradiance += sums.share() * source.irradiance;
+    variance += source.weight * source.weight * sums.variance();
   }
-  if (pooledWeight > 0) {
-    pooling = true;
+  if (!pool.empty()) {
     const auto count = static_cast<uint32_t>(std::ceil(std::max(kFewestRays, rays * pooledWeight / total)));
     const double offset = unitFromBits(mixBits(r.seed + r.block));
     size_t at = 0;
-    const auto isPooled = [&](const Source& s) { return rays * s.weight / total < kFewestRays; };
-    while (!isPooled(sources[at])) ++at;
     double before = 0;
-    for (uint32_t k = 0; k < count; ++k) {
-      const double place = (k + offset) / count * pooledWeight;
-      while (before + sources[at].weight < place) {
-        size_t next = at + 1;
-        while (next < sources.size() && !isPooled(sources[next])) ++next;
-        if (next == sources.size()) break;
-        before += sources[at].weight;
-        at = next;
+    Sums sums;
+    Rgb all(0), seen(0);
+    for (uint32_t k = 0; k < count; k += kPacketSize) {
+      const uint32_t lanes = std::min(kPacketSize, count - k);
+      for (uint32_t lane = 0; lane < lanes; ++lane) {
+        const double place = (k + lane + offset) / count * pooledWeight;
+        while (at + 1 < pool.size() && before + pool[at]->weight < place) before += pool[at++]->weight;
+        visibility.aim(lane, *pool[at]);
       }
-      shoot(sources[at], r.block * count + k);
+      e.rays += visibility.trace(r.block * count + k, lanes, [&](uint32_t lane, double w, bool visible) {
+        const Rgb share = w * visibility.sourceOf(lane).irradiance / visibility.sourceOf(lane).weight;
+        all += share;
+        if (visible) seen += share;
+        sums.add(w, visible);
+        (visible ? open : blocked) = true;
+      });
     }
-    flush();
     for (int c = 0; c < 3; ++c) {
-      if (pool.k[c] > 0) e.irradiance[c] += pooled[c] * pool.kv[c] / pool.k[c];
+      if (all[c] > 0) e.irradiance[c] += pooled[c] * seen[c] / all[c];
     }
-    if (pool.k1 > 0) {
-      const double share = pool.kv1 / pool.k1;
-      const double spread = pool.k2v * (1 - share) * (1 - share) + (pool.k2 - pool.k2v) * share * share;
-      variance += pooledWeight * pooledWeight * spread / (pool.k1 * pool.k1);
-    }
+    if (sums.k > 0) variance += pooledWeight * pooledWeight * sums.variance();
   }
-  e.partly = blocked > 0 && open > 0;
+  e.partly = blocked && open;
   e.deviation = std::sqrt(variance);
   return e;
+}
+
+std::vector<uint32_t> DirectIrradiance::neighboursOf(uint32_t patch) const {
+  std::vector<uint32_t> neighbours;
+  const auto cells = patches_.cellsOf(patch);
+  const Cell& cell = patches_.cells[cells[0]];
+  const CellGrid& grid = patches_.grids[cell.facet];
+  const bool parallelogram = facets_.facets[cell.facet].parallelogram;
+  const uint32_t first = cell.back ? grid.backCell : grid.frontCell, count = grid.count(parallelogram);
+  const int64_t own = cells[0] - first, width = parallelogram ? grid.nu : 2 * (grid.nu - cell.v) - 1;
+  for (const int64_t step : {int64_t{1}, int64_t{2}, width - 1, width, width + 1, 2 * width}) {
+    for (const int64_t place : {own - step, own + step}) {
+      if (place < 0 || place >= count) continue;
+      const uint32_t neighbour = patches_.cellMap[first + static_cast<uint32_t>(place)];
+      if (neighbour != kNone && neighbour != patch) neighbours.push_back(neighbour);
+    }
+  }
+  return neighbours;
 }
 
 DirectLight DirectIrradiance::compute(const std::vector<double>& exposed, std::span<const uint32_t> chosen) const {
@@ -293,25 +318,16 @@ DirectLight DirectIrradiance::compute(const std::vector<double>& exposed, std::s
       estimates[i].rays += before;
     });
   };
-  pass(chosen, options_.shadowRays);
-  // More rays where neighbours saw a lamp partly. A patch's own rays must not decide that: patches whose first rays
-  // happen to agree would keep them, which biases the mean.
+  // A patch's own rays must not decide whether it gets more: patches whose first rays happen to agree would keep them, which
+  // biases the mean. Patches with few neighbours on their facet have few to ask.
+  std::vector<uint32_t> alone, among;
+  for (const uint32_t i : chosen) (patches_.cellsOf(i).size() > 1 || neighboursOf(i).size() < kEnoughToAsk ? alone : among).push_back(i);
+  pass(alone, options_.shadowRays);
+  pass(among, std::min(options_.shadowRays, std::max(kFewestToAsk, options_.shadowRays / kElsewhere)));
   std::vector<uint32_t> penumbra;
   for (const uint32_t i : chosen) {
-    const auto cells = patches_.cellsOf(i);
-    const Cell& cell = patches_.cells[cells[0]];
-    const CellGrid& grid = patches_.grids[cell.facet];
-    const bool parallelogram = facets_.facets[cell.facet].parallelogram;
-    const uint32_t first = cell.back ? grid.backCell : grid.frontCell, count = grid.count(parallelogram);
-    bool partly = false;
-    const auto look = [&](int64_t place) {
-      if (place < 0 || place >= count) return;
-      const uint32_t neighbour = patches_.cellMap[first + static_cast<uint32_t>(place)];
-      partly |= neighbour != kNone && neighbour != i && estimates[neighbour].partly;
-    };
-    const int64_t own = cells[0] - first, width = parallelogram ? grid.nu : 2 * (grid.nu - cell.v) - 1;
-    for (const int64_t step : {int64_t{-1}, int64_t{1}, width, -width}) look(own + step);
-    if (partly) penumbra.push_back(i);
+    const std::vector<uint32_t> neighbours = neighboursOf(i);
+    if (std::any_of(neighbours.begin(), neighbours.end(), [&](uint32_t k) { return estimates[k].partly; })) penumbra.push_back(i);
   }
   pass(penumbra, kPenumbraFactor * options_.shadowRays);
   for (const uint32_t i : chosen) {

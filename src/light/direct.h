@@ -2,13 +2,13 @@
 #pragma once
 
 #include "formfactor/form_factors.h"
-#include "light/lamps.h"
-#include "trace/tracer.h"
+#include "light/shadow_packet.h"
 
 namespace farol {
 
 struct DirectOptions {
-  uint32_t shadowRays = 64;  // S per patch; four times as many where neighbours see a lamp partly
+  // S per patch; four times as many where neighbours see a lamp partly, a fourth (16 or more) where they agree.
+  uint32_t shadowRays = 64;
   uint64_t seed = 1;
 };
 
@@ -46,8 +46,12 @@ class DirectIrradiance {
 
  private:
   struct Receiver;
+  struct Source;
+  class Visibility;
   Estimate gather(const Receiver& receiver, uint32_t rays) const;
   Receiver receiverOf(uint32_t patch, double exposed) const;
+  std::vector<uint32_t> neighboursOf(uint32_t patch) const;  // in the cells of its facet, near enough to share a penumbra
+  std::vector<Source> sourcesOf(const Receiver& receiver) const;  // that reach it unless something stands between
 
   const Tracer& tracer_;
   const FacetSet& facets_;
@@ -55,7 +59,7 @@ class DirectIrradiance {
   std::span<const Lamp> lamps_;
   std::span<const PunctualLight> lights_;
   DirectOptions options_;
-  std::vector<std::array<uint32_t, 4>> points_;
+  ShadowPoints points_;
 };
 
 // Irradiance from a punctual light, nothing in between, by KHR_lights_punctual: candela over distance squared times

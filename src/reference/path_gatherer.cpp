@@ -181,7 +181,7 @@ void PathGatherer::gather(std::span<GatherPath> paths) const {
   HitPacket hits;
   ShadowRays toLamps, toPunctual;
   const auto addLight = [&](ShadowRays& shadow, uint32_t count) {
-    const uint32_t blocked = tracer_.occluded(shadow.rays, count);
+    const uint32_t blocked = tracer_.occluded(shadow.rays, firstRays(count));
     for (uint32_t k = 0; k < count; ++k) {
       if (lanes[k].path != nullptr && (blocked >> k & 1) == 0) lanes[k].path->irradiance += shadow.light[k];
     }

@@ -86,9 +86,9 @@ void fill(Ray& ray, const RayPacket& from, uint32_t at, float end) {
 }
 
 template <int Width>
-std::array<int, Width> validLanes(uint32_t at, uint32_t count) {
+std::array<int, Width> validLanes(uint32_t at, uint32_t which) {
   std::array<int, Width> valid{};
-  for (uint32_t k = 0; k < Width; ++k) valid[k] = at + k < count ? -1 : 0;
+  for (uint32_t k = 0; k < Width; ++k) valid[k] = (which >> (at + k) & 1) != 0 ? -1 : 0;
   return valid;
 }
 
@@ -159,7 +159,7 @@ struct Tracer::Impl {
     Query query;
     alignas(64) typename Packet<Width>::RayHit packet;
     for (uint32_t at = 0; at < count; at += Width) {
-      alignas(64) const auto valid = validLanes<Width>(at, count);
+      alignas(64) const auto valid = validLanes<Width>(at, firstRays(count));
       fill<Width>(packet.ray, rays, at, kForever);
       for (int k = 0; k < Width; ++k) packet.hit.geomID[k] = RTC_INVALID_GEOMETRY_ID;
       query.intersect(valid.data(), scene, packet);
@@ -173,17 +173,17 @@ struct Tracer::Impl {
   }
 
   template <int Width>
-  uint32_t occluded(const RayPacket& rays, uint32_t count) const {
+  uint32_t occluded(const RayPacket& rays, uint32_t which) const {
     Query query;
     uint32_t bits = 0;
     alignas(64) typename Packet<Width>::Ray packet;
-    for (uint32_t at = 0; at < count; at += Width) {
-      alignas(64) const auto valid = validLanes<Width>(at, count);
+    for (uint32_t at = 0; which >> at != 0; at += Width) {
+      alignas(64) const auto valid = validLanes<Width>(at, which);
       fill<Width>(packet, rays, at, 1.0f);
       query.occluded(valid.data(), scene, packet);
-      for (uint32_t k = 0; k < Width && at + k < count; ++k) bits |= packet.tfar[k] < 0 ? 1u << (at + k) : 0u;
+      for (uint32_t k = 0; k < Width; ++k) bits |= packet.tfar[k] < 0 ? 1u << (at + k) : 0u;
     }
-    return bits;
+    return bits & which;
   }
 
   RTCDevice device = nullptr;
@@ -202,10 +202,10 @@ void Tracer::intersect(const RayPacket& rays, uint32_t count, HitPacket& hits) c
   impl_->intersect<4>(rays, count, hits);
 }
 
-uint32_t Tracer::occluded(const RayPacket& rays, uint32_t count) const {
-  if (impl_->width == 16) return impl_->occluded<16>(rays, count);
-  if (impl_->width == 8) return impl_->occluded<8>(rays, count);
-  return impl_->occluded<4>(rays, count);
+uint32_t Tracer::occluded(const RayPacket& rays, uint32_t which) const {
+  if (impl_->width == 16) return impl_->occluded<16>(rays, which);
+  if (impl_->width == 8) return impl_->occluded<8>(rays, which);
+  return impl_->occluded<4>(rays, which);
 }
 
 bool Tracer::seenFromBehind(uint32_t facet, const RayPacket& rays, uint32_t k) const {

@@ -23,6 +23,7 @@ struct alignas(64) RayPacket {
     dz[lane] = static_cast<float>(direction.z);
   }
 };
+inline constexpr uint32_t firstRays(uint32_t count) { return (1u << count) - 1; }  // bits of so many
 struct alignas(64) HitPacket {
   uint32_t facet[kPacketSize];  // kNone where a ray leaves the scene
   float u[kPacketSize], v[kPacketSize];
@@ -40,8 +41,8 @@ class Tracer {
   // First hits of the first `count` rays; what the packet holds beyond them is ignored.
   void intersect(const RayPacket& rays, uint32_t count, HitPacket& hits) const;
 
-  // Bit k: something lies between the origin and origin + direction of ray k.
-  uint32_t occluded(const RayPacket& rays, uint32_t count) const;
+  // Bit k: something lies between the origin and origin + direction of ray k, for the rays whose bits are set in `which`.
+  uint32_t occluded(const RayPacket& rays, uint32_t which) const;
 
   // Whether lane k's ray meets this facet's back.
   bool seenFromBehind(uint32_t facet, const RayPacket& rays, uint32_t k) const;
