@@ -18,6 +18,7 @@ farol_require(glm libglm-dev "vectors and matrices")
 farol_require(CLI11 libcli11-dev "command-line options")
 farol_require(Eigen3 libeigen3-dev "dense linear algebra" NO_MODULE)
 farol_require(TBB libtbb-dev "threads")
+farol_require(ZLIB zlib1g-dev "checksums of kept form factors")
 # Embree 4 where it is installed, else 3 (Debian 12).
 find_package(embree 4 CONFIG QUIET)
 if(NOT embree_FOUND)

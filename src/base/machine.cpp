@@ -1,11 +1,16 @@
 #include "base/machine.h"
 
+#include "base/error.h"
+
 #include <algorithm>
-#include <cstdlib>
+#include <cerrno>
+#include <cstring>
+#include <fcntl.h>
 #include <fstream>
-#include <new>
 #include <string>
 #include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 namespace farol {
 namespace {
@@ -39,13 +44,18 @@ uint64_t availableMemoryBytes() {
   return kilobyteLine("/proc/meminfo", "MemAvailable:");
 }
 
-std::shared_ptr<std::byte> freshMemory(size_t bytes) {
-  constexpr size_t kHugePage = size_t{1} << 21;
-  const size_t rounded = (bytes + kHugePage - 1) / kHugePage * kHugePage;
-  void* memory = std::aligned_alloc(kHugePage, std::max(rounded, kHugePage));
-  if (memory == nullptr) throw std::bad_alloc();
-  madvise(memory, rounded, MADV_HUGEPAGE);
-  return {static_cast<std::byte*>(memory), [](std::byte* m) { std::free(m); }};
+MappedFile mapFile(const std::string& path) {
+  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  struct stat about {};
+  void* memory = nullptr;
+  const bool sized = file >= 0 && fstat(file, &about) == 0;
+  const auto size = static_cast<size_t>(about.st_size);
+  if (sized && size > 0) memory = mmap(nullptr, size, PROT_READ, MAP_PRIVATE, file, 0);
+  const int reason = errno;
+  if (file >= 0) close(file);
+  if (!sized || memory == MAP_FAILED) throw Error("{}: cannot be read: {}", path, std::strerror(reason));
+  if (memory == nullptr) return {};
+  return {{static_cast<const std::byte*>(memory), [size](const std::byte* m) { munmap(const_cast<std::byte*>(m), size); }}, size};
 }
 
 void StageClock::finish(const std::string& name) {

@@ -14,8 +14,12 @@ std::string processorName();  // as the operating system calls it
 uint64_t peakMemoryBytes();       // VmHWM of this process [bytes]; 0 where unknown
 uint64_t availableMemoryBytes();  // MemAvailable of the machine [bytes]; 0 where unknown
 
-// Memory without contents, in huge pages where the system has them: first touches are what fresh memory costs.
-std::shared_ptr<std::byte> freshMemory(size_t bytes);
+// A file's contents as memory, read when looked at. Throws Error with the file's name and the system's reason.
+struct MappedFile {
+  std::shared_ptr<const std::byte> bytes;
+  size_t size = 0;
+};
+MappedFile mapFile(const std::string& path);
 
 // Seconds since construction.
 class Stopwatch {

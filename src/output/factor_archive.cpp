@@ -1,8 +1,8 @@
 #include "output/factor_archive.h"
 
 #include "base/error.h"
-#include "base/machine.h"
 #include "base/output_file.h"
+#include "output/mapped_zip.h"
 #include "output/npy.h"
 
 #include <algorithm>
@@ -11,7 +11,6 @@
 #include <functional>
 #include <numeric>
 #include <tbb/parallel_for.h>
-#include <tbb/parallel_invoke.h>
 #include <zip.h>
 
 namespace farol {
@@ -23,6 +22,7 @@ constexpr float kMostFactor = 1024;
 // A member under way: its header, then what `more` appends, part after part, until it appends nothing.
 struct Member {
   std::string name, pending;
+  uint64_t size = 0;  // [bytes]
   std::function<void(std::string&)> more;
   size_t taken = 0;
   zip_error_t error{};
@@ -116,6 +116,7 @@ void writeFactorsNpz(const std::string& path, const FormFactorMatrix& f, const P
     members.push_back(std::make_unique<Member>());
     members.back()->name = name + ".npy";
     members.back()->pending = npyHeader(header) + std::move(data);
+    members.back()->size = members.back()->pending.size();
   };
   const auto numbers = [&](const char* name, const std::vector<double>& v) { add(name, {"<f8", {v.size()}}, bytesOf(v)); };
   const auto text = [&](const char* name, const std::string& t) { add(name, {fmt::format("|S{}", t.size()), {}}, t); };
@@ -139,6 +140,7 @@ void writeFactorsNpz(const std::string& path, const FormFactorMatrix& f, const P
       const bool isIndex = a == 0;
       const int c = isIndex ? 0 : static_cast<int>(a) - 1;
       add(prefix + arrays[a], {isIndex ? index : "<f4", {entries}}, "");
+      members.back()->size += entries * (isIndex && wide ? sizeof(int64_t) : sizeof(float));
       members.back()->more = [&, isIndex, c, wide, row = size_t{0}](std::string& bytes) mutable {
         for (; row < which.size() && bytes.empty(); ++row) {
           compressed(from, which[row], c, ids, values);
@@ -195,11 +197,21 @@ void writeFactorsNpz(const std::string& path, const FormFactorMatrix& f, const P
     throw Error("cannot write {}: {} ({})", path, reason, what);
   };
   if (archive == nullptr) fail("opening");
+  uint64_t end = 0;
   for (const auto& m : members) {
     zip_source_t* source = zip_source_function(archive, readMember, m.get());
     const zip_int64_t at = source != nullptr ? zip_file_add(archive, m->name.c_str(), source, 0) : -1;
     if (at < 0 || zip_set_file_compression(archive, static_cast<zip_uint64_t>(at), ZIP_CM_STORE, 0) != 0)
       fail(m->name.c_str());
+    // Data begin at multiples of 64 bytes, by an extra field as zipalign uses it, so that they can be used where they lie. A
+    // local header has 30 bytes, its name, 20 bytes about sizes beyond 4 GiB, and this.
+    constexpr uint16_t kAlignment = 0xD935, kMultiple = 64, kFieldHead = 4;
+    const uint64_t start = end + 30 + m->name.size() + 20 + kFieldHead;
+    const std::string padding((kMultiple - start % kMultiple) % kMultiple, '\0');
+    if (zip_file_extra_field_set(archive, static_cast<zip_uint64_t>(at), kAlignment, ZIP_EXTRA_FIELD_NEW, reinterpret_cast<const zip_uint8_t*>(padding.data()),
+                                 static_cast<zip_uint16_t>(padding.size()), ZIP_FL_LOCAL) != 0)
+      fail(m->name.c_str());
+    end = start + padding.size() + m->size;
   }
   if (zip_close(archive) != 0) fail("writing");
   file.commit();
@@ -207,96 +219,71 @@ void writeFactorsNpz(const std::string& path, const FormFactorMatrix& f, const P
 
 // The archive and its members.
 struct FactorArchive::Impl {
-  explicit Impl(const std::string& p) : path(p) {
-    int code = 0;
-    archive = zip_open(path.c_str(), ZIP_RDONLY | ZIP_CHECKCONS, &code);
-    if (archive == nullptr) {
-      zip_error_t error;
-      zip_error_init_with_code(&error, code);
-      const std::string reason = zip_error_strerror(&error);
-      zip_error_fini(&error);
-      throw Error("{}: the file of factors cannot be read: {}", path, reason);
-    }
-  }
-  ~Impl() { zip_discard(archive); }
+  explicit Impl(const std::string& p) : zip(p), path(zip.path()) {}
 
-  // One member while it is read.
-  class Reader {
-   public:
-    Reader(const Impl& archive, const std::string& name) : path_(archive.path), name_(name) {
-      file_.reset(zip_fopen(archive.archive, (name + ".npy").c_str(), 0));
-      if (!file_) throw Error("{}: not a file of factors: it has no member {}.npy", path_, name);
-      char leading[10];
-      read(leading, sizeof leading);
-      const int length = npyDictionaryLength(leading);
-      std::string dictionary(static_cast<size_t>(std::max(0, length)), ' ');
-      if (length >= 0) read(dictionary.data(), dictionary.size());
-      if (length < 0 || !parseNpyDictionary(dictionary, header))
-        throw Error("{}: member {}.npy is not a NumPy array in C order", path_, name);
-    }
-
-    void read(void* to, uint64_t bytes) {
-      for (uint64_t done = 0; done < bytes;) {
-        const zip_int64_t count = zip_fread(file_.get(), static_cast<char*>(to) + done, bytes - done);
-        if (count <= 0) throw Error("{}: member {}.npy is damaged or ends too soon", path_, name_);
-        done += static_cast<uint64_t>(count);
-      }
-    }
-    // Reading past the end compares the checksum.
-    void finish() {
-      char byte = 0;
-      if (zip_fread(file_.get(), &byte, 1) != 0) throw Error("{}: member {}.npy is damaged", path_, name_);
-    }
-    // At most so many values.
-    template <typename T>
-    std::vector<T> some(const char* descr, uint64_t most) {
-      if (header.shape.size() != 1 || header.shape[0] > most)
-        throw Error("{}: member {}.npy does not hold at most {} values", path_, name_, most);
-      return all<T>(descr, header.shape[0]);
-    }
-    template <typename T>
-    std::vector<T> all(const char* descr, uint64_t count) {
-      const uint64_t found =
-          std::accumulate(header.shape.begin(), header.shape.end(), uint64_t{1}, [](uint64_t a, uint64_t b) { return a * b; });
-      if (header.descr != descr || found != count) {
-        throw Error("{}: member {}.npy holds {} values of type {}, {} of type {} are wanted", path_, name_, found,
-                    header.descr, count, descr);
-      }
-      std::vector<T> values(count);
-      read(values.data(), count * sizeof(T));
-      finish();
-      return values;
-    }
-
+  // One member: its header, and its data where they lie.
+  struct Array {
     NpyHeader header;
+    std::string name;
+    KeptBytes data;
 
-   private:
-    const std::string& path_;
-    std::string name_;
-    struct Close {
-      void operator()(zip_file_t* file) const { zip_fclose(file); }
-    };
-    std::unique_ptr<zip_file_t, Close> file_;
+    uint64_t count() const {
+      return std::accumulate(header.shape.begin(), header.shape.end(), uint64_t{1}, [](uint64_t a, uint64_t b) { return a * b; });
+    }
   };
-
+  Array open(const std::string& name) const {
+    Array array{{}, name + ".npy", zip.member(name + ".npy")};
+    constexpr size_t kLeading = 10;
+    const std::span<const std::byte> bytes = array.data.bytes;
+    const auto* text = reinterpret_cast<const char*>(bytes.data());
+    const int length = bytes.size() < kLeading ? -1 : npyDictionaryLength(text);
+    const bool whole = length >= 0 && bytes.size() - kLeading >= static_cast<size_t>(length);
+    if (!whole || !parseNpyDictionary(std::string(text + kLeading, static_cast<size_t>(length)), array.header))
+      throw Error("{}: member {} is not a NumPy array in C order", path, array.name);
+    array.data.bytes = bytes.subspan(kLeading + static_cast<size_t>(length));
+    return array;
+  }
+  // So many values of a type, where they lie if that is a place for them.
+  template <typename T>
+  std::span<const T> valuesOf(Array& array, const char* descr, uint64_t count) const {
+    if (array.header.descr != descr || array.count() != count) {
+      throw Error("{}: member {} holds {} values of type {}, {} of type {} are wanted", path, array.name, array.count(),
+                  array.header.descr, count, descr);
+    }
+    if (count == 0) return {};  // of no size as the archive tells it, or of one that does not matter
+    if (array.data.bytes.size() / sizeof(T) < count) throw Error("{}: member {} is damaged or ends too soon", path, array.name);
+    if (reinterpret_cast<uintptr_t>(array.data.bytes.data()) % alignof(T) != 0) {
+      const auto copy = std::make_shared<std::vector<T>>(count);
+      std::memcpy(copy->data(), array.data.bytes.data(), count * sizeof(T));
+      array.data = {std::as_bytes(std::span(*copy)), copy};
+    }
+    return {reinterpret_cast<const T*>(array.data.bytes.data()), count};
+  }
   template <typename T>
   std::vector<T> array(const std::string& name, const char* descr, uint64_t count) const {
-    return Reader(*this, name).template all<T>(descr, count);
+    Array a = open(name);
+    const std::span<const T> values = valuesOf<T>(a, descr, count);
+    return {values.begin(), values.end()};
+  }
+  // At most so many values.
+  template <typename T>
+  std::vector<T> some(const std::string& name, const char* descr, uint64_t most) const {
+    Array a = open(name);
+    if (a.header.shape.size() != 1 || a.header.shape[0] > most) throw Error("{}: member {} does not hold at most {} values", path, a.name, most);
+    const std::span<const T> values = valuesOf<T>(a, descr, a.header.shape[0]);
+    return {values.begin(), values.end()};
   }
   std::string text(const std::string& name) const {
-    Reader reader(*this, name);
+    const Array a = open(name);
     constexpr int kLongest = 1000;
-    const int length = reader.header.descr.starts_with("|S") ? std::atoi(reader.header.descr.c_str() + 2) : 0;
-    if (length < 1 || length > kLongest || !reader.header.shape.empty())
-      throw Error("{}: member {}.npy is not a text", path, name);
-    std::string letters(static_cast<size_t>(length), ' ');
-    reader.read(letters.data(), letters.size());
-    reader.finish();
-    return letters;
+    const int length = a.header.descr.starts_with("|S") ? std::atoi(a.header.descr.c_str() + 2) : 0;
+    if (length < 1 || length > kLongest || !a.header.shape.empty() || a.data.bytes.size() < static_cast<size_t>(length))
+      throw Error("{}: member {} is not a text", path, a.name);
+    return {reinterpret_cast<const char*>(a.data.bytes.data()), static_cast<size_t>(length)};
   }
 
-  std::string path;
-  zip_t* archive = nullptr;
+  MappedZip zip;
+  const std::string& path;
   KeptFactors about;
 };
 
@@ -304,7 +291,7 @@ FactorArchive::FactorArchive(const std::string& path) : impl_(std::make_unique<I
   KeptFactors& about = impl_->about;
   about.method = impl_->text("farol_method");
   about.seed = impl_->array<uint64_t>("farol_seed", "<u8", 1)[0];
-  auto options = Impl::Reader(*impl_, "farol_patch_options").some<double>("<f8", 3);
+  auto options = impl_->some<double>("farol_patch_options", "<f8", 3);
   const bool sensible = options.size() >= 2 && options[0] >= 1 && options[0] <= 1e10 && options[1] >= 0 && options[1] < 1e300 && (options.size() < 3 || (options[2] >= 0 && options[2] <= 60));
   if (!sensible) throw Error("{}: patch options are not possible: a count, a size, degrees of clusters", path);
   options.resize(3, 0.0);  // older files know of no clusters
@@ -335,7 +322,7 @@ FormFactorMatrix FactorArchive::load(size_t patches, uint64_t maxBytes) const {
   const auto shape = a.array<int64_t>("shape", "<i8", 2);
   if (shape[0] != static_cast<int64_t>(patches) || shape[1] != shape[0])
     throw Error("{}: holds {} x {} factors, the scene has {} patches", a.path, shape[0], shape[1], patches);
-  const bool coloured = zip_name_locate(a.archive, "data_r.npy", 0) >= 0;
+  const bool coloured = a.zip.has("data_r.npy");
   const size_t channels = coloured ? 3 : 1;
   const auto missed = a.array<double>("farol_missed", "<f8", channels * patches),
              backs = a.array<double>("farol_backs", "<f8", channels * patches),
@@ -360,13 +347,13 @@ FormFactorMatrix FactorArchive::load(size_t patches, uint64_t maxBytes) const {
 
 std::optional<KeptReplicates> FactorArchive::replicates(size_t patches) const {
   const Impl& a = *impl_;
-  if (zip_name_locate(a.archive, "farol_again_patches.npy", 0) < 0) return std::nullopt;
-  KeptReplicates kept{Impl::Reader(a, "farol_again_patches").some<uint32_t>("<u4", patches), FormFactorMatrix(patches)};
+  if (!a.zip.has("farol_again_patches.npy")) return std::nullopt;
+  KeptReplicates kept{a.some<uint32_t>("farol_again_patches", "<u4", patches), FormFactorMatrix(patches)};
   for (size_t k = 0; k < kept.patches.size(); ++k) {
     if (kept.patches[k] >= patches || (k > 0 && kept.patches[k] <= kept.patches[k - 1]))
       throw Error("{}: farol_again_patches are not ascending numbers of patches", a.path);
   }
-  const size_t channels = zip_name_locate(a.archive, "data_r.npy", 0) >= 0 ? 3 : 1;
+  const size_t channels = a.zip.has("data_r.npy") ? 3 : 1;
   if (channels == 3) kept.rows.addChannels();
   const auto missed = a.array<double>("farol_again_missed", "<f8", channels * kept.patches.size());
   for (int c = 0; c < static_cast<int>(channels); ++c) {
@@ -384,8 +371,7 @@ void FactorArchive::loadRows(FormFactorMatrix& to, int c, const std::string& pre
   const Impl& a = *impl_;
   FormFactorMatrix& f = to.ofChannel(c);
   const size_t patches = f.size();
-  const Impl again(a.path);  // libzip reads one member of an archive at a time
-  Impl::Reader indices(a, prefix + "indices"), data(again, prefix + dataMembers(to.coloured())[static_cast<size_t>(c)]);
+  Impl::Array indices = a.open(prefix + "indices"), data = a.open(prefix + dataMembers(to.coloured())[static_cast<size_t>(c)]);
   const bool wide = indices.header.descr == "<i8";
   std::vector<int64_t> starts;
   if (wide) {
@@ -406,53 +392,35 @@ void FactorArchive::loadRows(FormFactorMatrix& to, int c, const std::string& pre
       throw Error("{}: row {} has {} entries of at most {}", a.path, rows[k], count, patches);
   }
 
-  // Chunk after chunk: indices and data side by side, each with its checksum, then the rows on all cores. Rows that stay
-  // lists stay where they were read; chunks are whole huge pages.
-  constexpr int64_t kChunkEntries = int64_t{1} << 19;
-  std::vector<int64_t> wideIds;
-  const auto rowCount = static_cast<uint32_t>(rows.size());
-  std::shared_ptr<std::byte> chunk;
-  for (uint32_t first = 0, last = 0; first < rowCount; first = last) {
-    size_t listed = 0;
-    while (last < rowCount && (last == first || starts[last + 1] - starts[first] <= kChunkEntries)) {
-      const auto length = static_cast<size_t>(starts[last + 1] - starts[last]);
-      if (f.worthAList(length)) listed += length;
-      ++last;
-    }
-    const auto count = static_cast<size_t>(starts[last] - starts[first]);
-    const bool lend = 4 * listed >= 3 * count;
-    if (chunk == nullptr || lend || count > static_cast<size_t>(kChunkEntries))
-      chunk = freshMemory(2 * sizeof(uint32_t) * std::max(count, static_cast<size_t>(lend ? 0 : kChunkEntries)));
-    const std::span<uint32_t> ids(reinterpret_cast<uint32_t*>(chunk.get()), count);
-    const std::span<float> values(reinterpret_cast<float*>(ids.data() + count), count);
-    tbb::parallel_invoke(
-        [&] {
-          if (!wide) return indices.read(ids.data(), ids.size_bytes());
-          wideIds.resize(count);
-          indices.read(wideIds.data(), count * sizeof(int64_t));
-          for (size_t k = 0; k < count; ++k) ids[k] = static_cast<uint32_t>(std::clamp<int64_t>(wideIds[k], 0, INT32_MAX));
-        },
-        [&] { data.read(values.data(), values.size_bytes()); });
-    tbb::parallel_for(first, last, [&](uint32_t k) {
-      const auto at = static_cast<size_t>(starts[k] - starts[first]), length = static_cast<size_t>(starts[k + 1] - starts[k]);
-      const auto rowIds = std::span<const uint32_t>(ids).subspan(at, length);
-      const auto rowValues = std::span<const float>(values).subspan(at, length);
-      bool good = true;
-      for (size_t l = 0; l < length; ++l) {
-        good &= rowIds[l] < patches && rowValues[l] >= 0 && rowValues[l] <= kMostFactor;
-        if (l > 0) good &= rowIds[l] > rowIds[l - 1];
-      }
-      if (!good) throw Error("{}: row {} has an entry outside the matrix or outside [0, {}]", a.path, rows[k], kMostFactor);
-      if (lend && f.worthAList(length))
-        f.borrow(rows[k], rowIds, rowValues, chunk);
-      else
-        f.entries(rows[k], rowIds, rowValues);
-      f.finish(rows[k], sharesOf(k));
-    });
-    if (lend) chunk = nullptr;
+  // Rows that stay lists stay where they lie in the file.
+  std::span<const uint32_t> ids;
+  if (wide) {
+    const auto wideIds = a.valuesOf<int64_t>(indices, "<i8", entries);
+    const auto narrow = std::make_shared<std::vector<uint32_t>>(entries);
+    std::transform(wideIds.begin(), wideIds.end(), narrow->begin(), [](int64_t j) { return static_cast<uint32_t>(std::clamp<int64_t>(j, 0, INT32_MAX)); });
+    indices.data.owner = narrow;
+    ids = *narrow;
+  } else {
+    ids = a.valuesOf<uint32_t>(indices, "<i4", entries);
   }
-  indices.finish();
-  data.finish();
+  const auto values = a.valuesOf<float>(data, "<f4", entries);
+  const auto owner = std::make_shared<const std::pair<KeptBytes, KeptBytes>>(indices.data, data.data);
+  tbb::parallel_for(size_t{0}, rows.size(), [&](size_t k) {
+    const auto at = static_cast<size_t>(starts[k]), length = static_cast<size_t>(starts[k + 1] - starts[k]);
+    const auto rowIds = ids.subspan(at, length);
+    const auto rowValues = values.subspan(at, length);
+    bool good = true;
+    for (size_t l = 0; l < length; ++l) {
+      good &= rowIds[l] < patches && rowValues[l] >= 0 && rowValues[l] <= kMostFactor;
+      if (l > 0) good &= rowIds[l] > rowIds[l - 1];
+    }
+    if (!good) throw Error("{}: row {} has an entry outside the matrix or outside [0, {}]", a.path, rows[k], kMostFactor);
+    if (f.worthAList(length))
+      f.borrow(rows[k], rowIds, rowValues, owner);
+    else
+      f.entries(rows[k], rowIds, rowValues);
+    f.finish(rows[k], sharesOf(k));
+  });
 }
 
 }  // namespace farol
