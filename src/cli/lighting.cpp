@@ -38,8 +38,8 @@ namespace {
 // Takes rows of continued paths, one channel after the other, and keeps only the light of lamps apart that they bring.
 class LampLight : public RowStore {
  public:
-  LampLight(const PatchSet& patches, double samples, DirectLight& direct, int c)
-      : patches_(patches), samples_(samples), direct_(direct), c_(c) {}
+  LampLight(const PatchSet& patches, const DirectLight& direct, int c, std::vector<Rgb>& irradiance)
+      : patches_(patches), direct_(direct), c_(c), irradiance_(irradiance) {}
   std::span<float> row(uint32_t /*patch*/) override {
     std::vector<float>& row = rows_.local();
     row.assign(patches_.size(), 0.0f);
@@ -47,26 +47,19 @@ class LampLight : public RowStore {
   }
   void hits(uint32_t /*patch*/, std::span<const uint32_t> /*ids*/, float /*weight*/) override { rows_.local().clear(); }
   void finish(uint32_t patch, const RowShares& /*shares*/) override {
-    double sum = 0, squares = 0;
     const std::vector<float>& row = rows_.local();
     for (size_t j = 0; j < row.size(); ++j) {
-      if (row[j] == 0 || !direct_.isApart(j)) continue;
-      const double light = patches_.patches[j].emission[c_];
-      sum += static_cast<double>(row[j]) * light;
-      squares += static_cast<double>(row[j]) * light * light;
+      if (row[j] != 0 && direct_.isApart(j)) irradiance_[patch][c_] += static_cast<double>(row[j]) * patches_.patches[j].emission[c_];
     }
-    direct_.irradiance[patch][c_] += sum;
-    const double variance = std::max(0.0, squares - sum * sum) / samples_;
-    direct_.deviation[patch] = std::hypot(direct_.deviation[patch], std::sqrt(variance));
   }
   RowStore* channel(int c) override { return c_ == 0 ? others_[static_cast<size_t>(c - 1)] : nullptr; }
   void setChannels(RowStore* green, RowStore* blue) { others_ = {green, blue}; }
 
  private:
   const PatchSet& patches_;
-  double samples_;
-  DirectLight& direct_;
+  const DirectLight& direct_;
   int c_;
+  std::vector<Rgb>& irradiance_;
   std::array<RowStore*, 2> others_{};
   tbb::enumerable_thread_specific<std::vector<float>> rows_;
 };
@@ -76,50 +69,51 @@ class LampLight : public RowStore {
 // Shadow rays run straight from a lamp to a patch and stop at mirrors and glass. What these pass on of the lamps apart is
 // gathered by rays of its own, of whose paths only what comes after the first mirror or glass counts: nothing is lost and
 // nothing counted twice.
-void LightingMaker::addThroughMirrors(const PatchSet& patches, const MethodSpec& spec, uint64_t seed,
-                                      std::span<const uint32_t> rows, DirectLight& direct) const {
+void LightingMaker::addThroughMirrors(const PatchSet& patches, const MethodSpec& spec, std::span<const uint32_t> rows, DirectLight& direct) const {
   constexpr uint32_t kPerShadowRay = 16;  // few of them meet a lamp
-  RayOptions o;
-  o.rays = std::max(kPerShadowRay * options_.shadowRays, spec.kind == MethodSpec::Kind::rays ? spec.rays : 0);
-  o.seed = mixBits(seed + 2);
-  o.limits = methods_.limits();
-  o.continuedOnly = true;
-  RayRowMaker maker(methods_.tracer(), facets_, patches, o);
-  LampLight red(patches, o.rays, direct, 0), green(patches, o.rays, direct, 1), blue(patches, o.rays, direct, 2);
-  red.setChannels(&green, &blue);
-  maker.makeRows(rows, red, [](size_t) {});
-  direct.rays += rows.size() * o.rays;
+  // Two halves with random numbers of their own: their difference tells the error.
+  std::array<std::vector<Rgb>, 2> half;
+  for (uint64_t h = 0; h < half.size(); ++h) {
+    half[h].assign(patches.size(), Rgb(0));
+    RayOptions o;
+    o.rays = std::max(kPerShadowRay * options_.shadowRays, spec.kind == MethodSpec::Kind::rays ? spec.rays : 0) / 2;
+    o.seed = mixBits(options_.seed + 2 + h);
+    o.limits = methods_.limits();
+    o.continuedOnly = true;
+    LampLight red(patches, direct, 0, half[h]), green(patches, direct, 1, half[h]), blue(patches, direct, 2, half[h]);
+    red.setChannels(&green, &blue);
+    RayRowMaker(methods_.tracer(), facets_, patches, o).makeRows(rows, red, [](size_t) {});
+    direct.rays += rows.size() * o.rays;
+  }
+  for (const uint32_t i : rows) {
+    direct.irradiance[i] += 0.5 * (half[0][i] + half[1][i]);
+    const Rgb difference = half[0][i] - half[1][i];
+    direct.deviation[i] = std::hypot(direct.deviation[i], 0.5 * std::sqrt(maxChannel(difference * difference)));
+  }
 }
 
 void LightingMaker::addDirect(const Scene& scene, const PatchSet& patches, const FormFactorMatrix& f,
-                              const MethodSpec& spec, Replicates& replicates, Lighting& lighting) const {
-  replicates.direct.reset();
+                              const MethodSpec& spec, Lighting& lighting) const {
   if (lighting.plan.lamps.empty() && scene.lights.empty()) return;
-  const bool again = !replicates.patches.empty();
   std::vector<double> exposed(patches.size());
   for (size_t i = 0; i < exposed.size(); ++i) exposed[i] = f.shares(i).exposed;
   lighting.direct = lamps(lighting.plan, scene, patches, options_.seed).compute(exposed);
   lighting.direct.apart = lighting.plan.apart;
-  if (again) {
-    replicates.direct = lamps(lighting.plan, scene, patches, mixBits(options_.seed + 1)).compute(exposed, replicates.patches);
-    replicates.direct->apart = lighting.plan.apart;
-  }
   if (patches.anySpecular() && !lighting.plan.lamps.empty()) {
     std::vector<uint32_t> all(patches.size());
     std::iota(all.begin(), all.end(), 0u);
     std::erase_if(all, [&](uint32_t i) { return patches.patches[i].passesAll(); });
-    addThroughMirrors(patches, spec, options_.seed, all, lighting.direct);
-    if (again) addThroughMirrors(patches, spec, mixBits(options_.seed + 1), replicates.patches, *replicates.direct);
+    addThroughMirrors(patches, spec, all, lighting.direct);
   }
   if (!scene.lights.empty())
     lighting.fromPunctual = lamps({}, scene, patches, options_.seed).compute(exposed).irradiance;
 }
 
 Lighting LightingMaker::solve(const Scene& scene, const PatchSet& patches, const Rgb& sky, const FormFactorMatrix& f,
-                              const MethodSpec& spec, Replicates& replicates, const gpu::Device* device) const {
+                              const MethodSpec& spec, const gpu::Device* device) const {
   Lighting lighting;
   lighting.plan = plan(patches, spec);
-  addDirect(scene, patches, f, spec, replicates, lighting);
+  addDirect(scene, patches, f, spec, lighting);
   SolveOptions o;
   o.kind = options_.solver;
   o.residual = options_.residual;
@@ -131,8 +125,8 @@ Lighting LightingMaker::solve(const Scene& scene, const PatchSet& patches, const
 }
 
 Lighting LightingMaker::make(const Scene& scene, const PatchSet& patches, const Rgb& sky, const FormFactorMatrix& f,
-                             const MethodSpec& spec, Replicates& replicates, const gpu::Device* device) const {
-  Lighting lighting = solve(scene, patches, sky, f, spec, replicates, device);
+                             const MethodSpec& spec, const Replicates& replicates, const gpu::Device* device) const {
+  Lighting lighting = solve(scene, patches, sky, f, spec, device);
   lighting.error =
       irradianceError(f, patches, lighting.direct, lighting.solution, replicates, samplesOf(spec), sky);
   for (int c = 1; c < 3 && f.coloured(); ++c) {

@@ -27,22 +27,21 @@ class LightingMaker {
 
   DirectIrradiance lamps(const LampPlan& plan, const Scene& scene, const PatchSet& patches, uint64_t seed) const;
 
-  // `replicates` gets the direct light of its patches; `device`: sweeps run there. Without errors.
+  // `device`: sweeps run there. Without errors.
   Lighting solve(const Scene& scene, const PatchSet& patches, const Rgb& sky, const FormFactorMatrix& f,
-                 const MethodSpec& spec, Replicates& replicates, const gpu::Device* device) const;
+                 const MethodSpec& spec, const gpu::Device* device) const;
 
   // With errors.
   Lighting make(const Scene& scene, const PatchSet& patches, const Rgb& sky, const FormFactorMatrix& f,
-                const MethodSpec& spec, Replicates& replicates, const gpu::Device* device) const;
+                const MethodSpec& spec, const Replicates& replicates, const gpu::Device* device) const;
 
   // Without F: emitters as points, or nothing at all.
   Lighting local(const Scene& scene, const PatchSet& patches) const;
 
  private:
   void addDirect(const Scene& scene, const PatchSet& patches, const FormFactorMatrix& f, const MethodSpec& spec,
-                 Replicates& replicates, Lighting& lighting) const;
-  void addThroughMirrors(const PatchSet& patches, const MethodSpec& spec, uint64_t seed, std::span<const uint32_t> rows,
-                         DirectLight& direct) const;
+                 Lighting& lighting) const;
+  void addThroughMirrors(const PatchSet& patches, const MethodSpec& spec, std::span<const uint32_t> rows, DirectLight& direct) const;
 
   const Options& options_;
   const FacetSet& facets_;
@@ -50,8 +49,7 @@ class LightingMaker {
   const Log& log_;
 };
 
-// Rows of some patches once more, by other random numbers or, for hemicubes, by many rays; their direct light is left to the
-// lighting.
+// Rows of some patches once more, by other random numbers or, for hemicubes, by many rays.
 Replicates replicatesOf(Methods& methods, const PatchSet& patches, const MethodSpec& spec, const FormFactorMatrix& f, size_t probes);
 
 inline constexpr size_t kProbes = 24;  // rows made better to tell how good the others are; more when methods are compared

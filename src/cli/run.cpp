@@ -372,18 +372,19 @@ class Run {
   ErrorParts errorParts() {
     ErrorParts e;
     e.patches = patchErrorOf(*f_, patches_, facets_, lighting_).error;
-    const auto by = [&](const Replicates& part) {
+    Replicates none;
+    none.patches = replicates_.patches;
+    const auto by = [&](const DirectLight& direct) {
       const std::vector<double> kept = lighting_.error;
-      lighting_.error = irradianceError(*f_, patches_, lighting_.direct, lighting_.solution, part, samplesOf(*spec_), options_.sky);
+      lighting_.error = irradianceError(*f_, patches_, direct, lighting_.solution, none, samplesOf(*spec_), options_.sky);
       const double error = relativeError(*f_, patches_, lighting_);
       lighting_.error = kept;
       return error;
     };
-    Replicates light;
-    light.patches = replicates_.patches;
-    light.direct = replicates_.direct;
-    e.sweeps = by({});
-    const double lightAndSweeps = by(light), all = *report_.estimatedError;
+    DirectLight exact = lighting_.direct;
+    exact.deviation.clear();
+    e.sweeps = by(exact);
+    const double lightAndSweeps = by(lighting_.direct), all = *report_.estimatedError;
     e.light = std::sqrt(std::max(0.0, lightAndSweeps * lightAndSweeps - e.sweeps * e.sweeps));
     e.rows = std::sqrt(std::max(0.0, all * all - lightAndSweeps * lightAndSweeps));
     return e;

@@ -31,20 +31,20 @@ Trial SizedScene::solve(const Setting& setting, size_t probes) {
   makeFormFactors(*maker, patches_, maxChannel(options_.sky) > 0, log_, trial.f);
   Replicates replicates = replicatesOf(methods_, patches_, setting.spec, trial.f, probes);
   trial.rowSeconds = watch.seconds() - replicates.seconds;
-  trial.lighting = lightings_.solve(scene_, patches_, options_.sky, trial.f, setting.spec, replicates, nullptr);
+  trial.lighting = lightings_.solve(scene_, patches_, options_.sky, trial.f, setting.spec, nullptr);
   trial.lightSeconds = watch.seconds() - trial.rowSeconds - replicates.seconds;
   trial.cpuSeconds = static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC;
   if (probes > 0) {
-    const auto errorBy = [&](const Replicates& part) {
-      trial.lighting.error = irradianceError(trial.f, patches_, trial.lighting.direct, trial.lighting.solution, part, samplesOf(setting.spec), options_.sky);
+    const auto errorBy = [&](const DirectLight& direct, const Replicates& rows) {
+      trial.lighting.error = irradianceError(trial.f, patches_, direct, trial.lighting.solution, rows, samplesOf(setting.spec), options_.sky);
       return relativeError(trial.f, patches_, trial.lighting);
     };
-    Replicates light;
-    light.patches = replicates.patches;
-    light.direct = replicates.direct;
-    trial.lightError = errorBy(light);
-    replicates.direct.reset();
-    trial.rowError = errorBy(replicates);
+    Replicates none;
+    none.patches = replicates.patches;
+    trial.lightError = errorBy(trial.lighting.direct, none);
+    DirectLight exact = trial.lighting.direct;
+    exact.deviation.clear();
+    trial.rowError = errorBy(exact, replicates);
   }
   return trial;
 }

@@ -204,6 +204,49 @@ class DirectIrradiance::Visibility {
   ShadowPacket packet_;
 };
 
+namespace {
+
+// Kernels of a source's rays in four rounds, each a stretch of the sequence: how much the rounds differ tells the error of all.
+class Rounds {
+ public:
+  Rounds() = default;
+  explicit Rounds(uint32_t rays) : rays_(rays) {}
+
+  void add(uint32_t ray, double kernel, bool visible) {
+    Sum& sum = sums_[ray * kRounds / rays_];
+    sum.all += kernel;
+    if (visible) sum.seen += kernel;
+  }
+  bool empty() const { return total().all <= 0; }
+  double share() const { return total().seen / total().all; }
+  // Of the share. Errors fall with the number of rays to the power 0.6 (README, the laws).
+  double variance() const {
+    constexpr double kOrder = 0.6;
+    const double mean = share();
+    double squares = 0;
+    for (const Sum& sum : sums_) squares += sum.all > 0 ? std::pow(sum.seen / sum.all - mean, 2) : 0;
+    return squares / (kRounds - 1) * std::pow(kRounds, -2 * kOrder);
+  }
+
+ private:
+  static constexpr uint32_t kRounds = 4;
+  struct Sum {
+    double all = 0, seen = 0;
+  };
+  Sum total() const {
+    Sum t;
+    for (const Sum& sum : sums_) {
+      t.all += sum.all;
+      t.seen += sum.seen;
+    }
+    return t;
+  }
+  uint32_t rays_ = 1;
+  std::array<Sum, kRounds> sums_{};
+};
+
+}  // namespace
+
 DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t rays) const {
   const std::vector<Source> sources = sourcesOf(r);
   double total = 0;
@@ -212,18 +255,7 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
   if (sources.empty()) return e;
   Visibility visibility(*this, r);
   bool blocked = false, open = false;
-  // Variance of a ratio of sums: sum k^2 (V - share)^2 / (sum k)^2.
-  struct Sums {
-    double k = 0, kv = 0, k2 = 0, k2v = 0;
-    void add(double w, bool visible) {
-      k += w;
-      k2 += w * w;
-      kv += visible ? w : 0;
-      k2v += visible ? w * w : 0;
-    }
-    double share() const { return kv / k; }
-    double variance() const { return (k2v * (1 - share()) * (1 - share()) + (k2 - k2v) * share() * share()) / (k * k); }
-  };
+  Rounds sums;
   const auto isPooled = [&](const Source& s) { return sources.size() > 1 && rays * s.weight / total < kFewestRays; };
   std::vector<const Source*> pool;
   double pooledWeight = 0, variance = 0;
@@ -237,14 +269,14 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
     }
     const auto count = static_cast<uint32_t>(std::lround(rays * source.weight / total));
     for (uint32_t lane = 0; lane < kPacketSize; ++lane) visibility.aim(lane, source);
-    Sums sums;
+    sums = Rounds(count);
     for (uint32_t k = 0; k < count; k += kPacketSize) {
-      e.rays += visibility.trace(r.block * count + k, std::min(kPacketSize, count - k), [&](uint32_t, double w, bool visible) {
-        sums.add(w, visible);
+      e.rays += visibility.trace(r.block * count + k, std::min(kPacketSize, count - k), [&](uint32_t lane, double w, bool visible) {
+        sums.add(k + lane, w, visible);
         (visible ? open : blocked) = true;
       });
     }
-    if (sums.k <= 0) continue;
+    if (sums.empty()) continue;
     e.irradiance += sums.share() * source.irradiance;
     variance += source.weight * source.weight * sums.variance();
   }
@@ -253,7 +285,7 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
     const double offset = unitFromBits(mixBits(r.seed + r.block));
     size_t at = 0;
     double before = 0;
-    Sums sums;
+    sums = Rounds(count);
     Rgb all(0), seen(0);
     for (uint32_t k = 0; k < count; k += kPacketSize) {
       const uint32_t lanes = std::min(kPacketSize, count - k);
@@ -266,14 +298,14 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
         const Rgb share = w * visibility.sourceOf(lane).irradiance / visibility.sourceOf(lane).weight;
         all += share;
         if (visible) seen += share;
-        sums.add(w, visible);
+        sums.add(k + lane, w, visible);
         (visible ? open : blocked) = true;
       });
     }
     for (int c = 0; c < 3; ++c) {
       if (all[c] > 0) e.irradiance[c] += pooled[c] * seen[c] / all[c];
     }
-    if (sums.k > 0) variance += pooledWeight * pooledWeight * sums.variance();
+    if (!sums.empty()) variance += pooledWeight * pooledWeight * sums.variance();
   }
   e.partly = blocked && open;
   e.deviation = std::sqrt(variance);
@@ -298,16 +330,11 @@ std::vector<uint32_t> DirectIrradiance::neighboursOf(uint32_t patch) const {
   return neighbours;
 }
 
-DirectLight DirectIrradiance::compute(const std::vector<double>& exposed, std::span<const uint32_t> chosen) const {
+DirectLight DirectIrradiance::compute(const std::vector<double>& exposed) const {
   const auto n = static_cast<uint32_t>(patches_.size());
   DirectLight result;
   result.irradiance.assign(n, Rgb(0));
   result.deviation.assign(n, 0);
-  std::vector<uint32_t> all;
-  if (chosen.empty()) {
-    for (uint32_t i = 0; i < n; ++i) all.push_back(i);
-    chosen = all;
-  }
   std::vector<Estimate> estimates(n);
   const auto pass = [&](std::span<const uint32_t> wanted, uint32_t rays) {
     tbb::parallel_for(size_t{0}, wanted.size(), [&](size_t k) {
@@ -321,16 +348,16 @@ DirectLight DirectIrradiance::compute(const std::vector<double>& exposed, std::s
   // A patch's own rays must not decide whether it gets more: patches whose first rays happen to agree would keep them, which
   // biases the mean. Patches with few neighbours on their facet have few to ask.
   std::vector<uint32_t> alone, among;
-  for (const uint32_t i : chosen) (patches_.cellsOf(i).size() > 1 || neighboursOf(i).size() < kEnoughToAsk ? alone : among).push_back(i);
+  for (uint32_t i = 0; i < n; ++i) (patches_.cellsOf(i).size() > 1 || neighboursOf(i).size() < kEnoughToAsk ? alone : among).push_back(i);
   pass(alone, options_.shadowRays);
   pass(among, std::min(options_.shadowRays, std::max(kFewestToAsk, options_.shadowRays / kElsewhere)));
   std::vector<uint32_t> penumbra;
-  for (const uint32_t i : chosen) {
+  for (uint32_t i = 0; i < n; ++i) {
     const std::vector<uint32_t> neighbours = neighboursOf(i);
     if (std::any_of(neighbours.begin(), neighbours.end(), [&](uint32_t k) { return estimates[k].partly; })) penumbra.push_back(i);
   }
   pass(penumbra, kPenumbraFactor * options_.shadowRays);
-  for (const uint32_t i : chosen) {
+  for (uint32_t i = 0; i < n; ++i) {
     result.irradiance[i] = estimates[i].irradiance;
     result.deviation[i] = estimates[i].deviation;
     result.rays += estimates[i].rays;

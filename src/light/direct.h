@@ -15,7 +15,7 @@ struct DirectOptions {
 // Light that reaches patches without F.
 struct DirectLight {
   std::vector<Rgb> irradiance;    // [patches] D [flux per area]; empty: none
-  std::vector<double> deviation;  // [patches] standard error that independent shadow rays would have, worst channel
+  std::vector<double> deviation;  // [patches] standard error by shadow rays, worst channel, from a few differences: rough by itself
   std::vector<uint8_t> apart;     // [patches] 1: the patch's own emission is in D, so that F carries what it reflects
   size_t rays = 0;                // shadow rays traced
 
@@ -32,8 +32,8 @@ class DirectIrradiance {
   DirectIrradiance(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, std::span<const Lamp> lamps,
                    std::span<const PunctualLight> lights, const DirectOptions& options);
 
-  // For the patches listed, all when empty; `exposed` as in RowShares, per patch.
-  DirectLight compute(const std::vector<double>& exposed, std::span<const uint32_t> chosen = {}) const;
+  // `exposed` as in RowShares, per patch.
+  DirectLight compute(const std::vector<double>& exposed) const;
 
   struct Estimate {
     Rgb irradiance{0};

@@ -115,14 +115,10 @@ std::vector<double> irradianceError(const FormFactorMatrix& f, const PatchSet& p
     const std::vector<double> own = scaled(near, law, replicates.patches, squares, exposed);
     for (size_t i = 0; i < n; ++i) variance[i] = law[i] > 0 ? variance[i] * (own[i] / law[i]) : Rgb(own[i]);
   }
-  if (replicates.direct) {
+  if (!direct.deviation.empty()) {
     for (size_t i = 0; i < n; ++i) law[i] = direct.deviation[i] * direct.deviation[i];
-    for (size_t k = 0; k < probes; ++k) {
-      const uint32_t p = replicates.patches[k];
-      const Rgb change = direct.irradiance[p] - replicates.direct->irradiance[p];
-      squares[k] = 0.5 * maxChannel(change * change);
-    }
-    const std::vector<double> own = scaled(near, law, replicates.patches, squares, exposed);
+    constexpr size_t kHalf = 4;  // nine patches, each of three differences
+    const std::vector<double> own = near.smoothed(law, kHalf);
     for (size_t i = 0; i < n; ++i) variance[i] += own[i];
   }
   carryOn(f, patches, near, replicates.patches, bias, variance);

@@ -1,6 +1,6 @@
 // The Cornell box, whole processes side by side: farol and a bare Embree particle loop, error of B against time. The
 // reference is a gathering path tracer on the same facets: no mesh error; it is kept beside the program.
-// farol_cornell [paths per cell [patch size, options of farol solve]...]
+// farol_cornell [paths per cell [patch size or 0, options of farol solve]...]
 #include "base/sobol.h"
 #include "cornell_cells.h"
 #include "test_scene.h"
@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 #include <fmt/ostream.h>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <tbb/parallel_for.h>
 
 using namespace farol;
@@ -182,9 +183,16 @@ Cells cellsOfCsv(const CornellBox& box, const PatchOptions& options, const std::
 }
 
 struct Setting {
-  double size;           // patch size [scene units]
+  double size;  // patch size [scene units]; 0: chosen by the tolerance
   std::string options;
 };
+
+// The patches that a run chose.
+PatchOptions chosenPatches() {
+  const auto report = nlohmann::json::parse(test::readText("cornell_report.json"));
+  const std::string command = report.at("equivalent_command"), option = "--patch-size ";
+  return {0, std::stod(command.substr(command.find(option) + option.size()))};
+}
 
 }  // namespace
 
@@ -234,9 +242,13 @@ int main(int argc, char** argv) {
       {555.0 / 16, "--method rays --rays 128 --shadow-rays 16 --residual 3e-4"},
       {555.0 / 24, "--method rays --rays 128 --shadow-rays 32 --residual 3e-4"},
       {555.0 / 24, "--method rays --rays 192 --shadow-rays 32 --residual 3e-4"},
+      {555.0 / 24, "--method rays --rays 224 --shadow-rays 32 --residual 3e-4"},
       {555.0 / 32, "--method rays --rays 256 --shadow-rays 32 --residual 3e-4"},
-      {555.0 / 40, "--method rays --rays 224 --shadow-rays 32 --residual 3e-4"},
       {555.0 / 40, "--method rays --rays 256 --shadow-rays 48 --residual 3e-4"},
+      {555.0 / 40, "--method rays --rays 320 --shadow-rays 64 --residual 3e-4"},
+      {0, "--tolerance 0.01"},
+      {0, "--tolerance 0.005"},
+      {0, "--tolerance 0.0025"},
       {555.0 / 24, "--method rays --rays 128 --emitters matrix --residual 3e-4"},
       {555.0 / 24, "--method rays --rays 1024 --emitters matrix --residual 3e-4"},
       {555.0 / 24, "--method rays --rays 4096 --emitters matrix --residual 3e-4"},
@@ -250,16 +262,16 @@ int main(int argc, char** argv) {
   for (int k = 2; k + 1 < argc; k += 2) settings.push_back({std::stod(argv[k]), argv[k + 1]});
   for (const Setting& s : settings) {
     const std::string command =
-        fmt::format("{} solve {} --patch-size {} {} --threads 2 --patches-csv cornell_patches.csv --quiet 2> /dev/null",
-                    FAROL_PROGRAM, kScene, s.size, s.options);
+        fmt::format("{} solve {}{} {} --threads 2 --patches-csv cornell_patches.csv --report cornell_report.json --quiet 2> /dev/null",
+                    FAROL_PROGRAM, kScene, s.size > 0 ? fmt::format(" --patch-size {}", s.size) : "", s.options);
     double error = 0;
     constexpr int kSeeds = 4;
     for (int seed = 1; seed <= kSeeds; ++seed) {
       std::system((command + fmt::format(" --seed {}", seed)).c_str());
-      error += l1(cellsOfCsv(box, {0, s.size}, points), truth) / kSeeds;
+      error += l1(cellsOfCsv(box, chosenPatches(), points), truth) / kSeeds;
     }
     const double seconds = medianSeconds(command, 5);
-    const size_t count = buildPatches(box.scene, box.facets, {0, s.size}).size();
+    const size_t count = buildPatches(box.scene, box.facets, chosenPatches()).size();
     fmt::print("| {} | {} | {:.3f} % | {:.3f} | {:.2f} | 1/{:.1f} |\n", s.options, count, 100 * error, seconds,
                loopSeconds(error), loopSeconds(error) / seconds);
   }
