@@ -116,10 +116,10 @@ std::vector<double> irradianceError(const FormFactorMatrix& f, const PatchSet& p
     for (size_t i = 0; i < n; ++i) variance[i] = law[i] > 0 ? variance[i] * (own[i] / law[i]) : Rgb(own[i]);
   }
   if (!direct.deviation.empty()) {
-    for (size_t i = 0; i < n; ++i) law[i] = direct.deviation[i] * direct.deviation[i];
+    for (size_t i = 0; i < n; ++i) law[i] = direct.deviation[i] * direct.deviation[i] * exposed[i];
     constexpr size_t kHalf = 4;  // nine patches, each of three differences
     const std::vector<double> own = near.smoothed(law, kHalf);
-    for (size_t i = 0; i < n; ++i) variance[i] += own[i];
+    for (size_t i = 0; i < n; ++i) variance[i] += own[i] / exposed[i];
   }
   carryOn(f, patches, near, replicates.patches, bias, variance);
   double total = 0, area = 0;
