@@ -14,7 +14,7 @@ using Kind = MethodSpec::Kind;
 constexpr double kMargin = 0.78;
 // Errors fall with samples to this power.
 constexpr double kSampleOrder = 0.6, kHemicubeOrder = 0.5;
-constexpr size_t kProbes = 96;
+constexpr size_t kProbes = 384;
 constexpr uint32_t kMostRays = 1u << 16;
 // What a picture shows: grain of every patch and edges of shadows.
 constexpr size_t kPicturePatches = 4000;

@@ -1,6 +1,6 @@
 // The bar for a single lighting: a bare particle tracer on Embree, no matrix, no engine. Particles leave the lamp with
-// the cosine, bounce until they are absorbed (roulette by mean reflectance), and leave their power in 8 x 8 cells per
-// wall. Prints a line of three channels per cell: radiosity.
+// the cosine, bounce until they are absorbed (roulette by mean reflectance), and leave their power in cells, 8 x 8 per
+// wall if nothing else is asked for. Prints a line of three channels per cell: radiosity.
 #include "cornell_cells.h"
 
 #include <embree3/rtcore.h>
@@ -27,10 +27,10 @@ struct Random {  // PCG32 (O'Neill 2014)
 
 int main(int argc, char** argv) {
   if (argc < 3) {
-    fmt::print(stderr, "usage: farol_particles SCENE PARTICLES [SEED]\n");
+    fmt::print(stderr, "usage: farol_particles SCENE PARTICLES [SEED [CELLS PER SIDE]]\n");
     return 2;
   }
-  const CornellBox box(argv[1]);
+  const CornellBox box(argv[1], argc > 4 ? std::stoull(argv[4]) : kCells);
   const size_t particles = std::stoull(argv[2]);
   const uint64_t seed = argc > 3 ? std::stoull(argv[3]) : 1;
   RTCDevice device = rtcNewDevice(nullptr);
@@ -64,7 +64,7 @@ int main(int argc, char** argv) {
   rtcCommitScene(scene);
 
   constexpr unsigned kThreads = 2;
-  std::vector<std::vector<Rgb>> sums(kThreads, std::vector<Rgb>(kCellCount + 1, Rgb(0)));
+  std::vector<std::vector<Rgb>> sums(kThreads, std::vector<Rgb>(box.cellCount() + 1, Rgb(0)));
   std::vector<std::thread> threads;
   for (unsigned t = 0; t < kThreads; ++t) {
     threads.emplace_back([&, t] {
@@ -101,7 +101,7 @@ int main(int argc, char** argv) {
   }
   for (std::thread& t : threads) t.join();
   // Power per particle, area per cell: the lamp's exitance is 1 per channel here; the reader scales.
-  for (size_t c = 0; c < kCellCount; ++c) {
+  for (size_t c = 0; c < box.cellCount(); ++c) {
     Rgb total(0);
     for (const auto& sum : sums) total += sum[c];
     total *= box.facets.facets[lamp].area / static_cast<double>(particles);
