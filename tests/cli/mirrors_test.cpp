@@ -57,7 +57,8 @@ class Mirrors : public ::testing::Test {
 TEST_F(Mirrors, LampsApartLoseNothing) {
   const Column matrix = solve("--patches 400 --emitters matrix --rays 65536");
   EXPECT_LT(report()["energy"]["relative_error"], 0.005);
-  for (const char* how : {"--rays 1024", "--method hybrid --positions 4", "--method raster --positions 4"}) {
+  // With 1,024 rays and 64 shadow rays the energy scatters by 0.5 % from seed to seed, with these by 0.1 %.
+  for (const char* how : {"--rays 4096 --shadow-rays 1024", "--method hybrid --positions 4 --shadow-rays 1024", "--method raster --positions 4 --shadow-rays 1024"}) {
     const Column apart = solve(std::string("--patches 400 --emitters apart ") + how);
     EXPECT_EQ(report()["light"]["lamps_apart"], 1);
     EXPECT_NEAR(apart.mean, matrix.mean, 0.01 * matrix.mean) << how;
