@@ -336,27 +336,26 @@ DirectLight DirectIrradiance::compute(const std::vector<double>& exposed) const 
   result.irradiance.assign(n, Rgb(0));
   result.deviation.assign(n, 0);
   std::vector<Estimate> estimates(n);
-  const auto pass = [&](std::span<const uint32_t> wanted, uint32_t rays) {
-    tbb::parallel_for(size_t{0}, wanted.size(), [&](size_t k) {
-      const uint32_t i = wanted[k];
-      if (exposed[i] <= 0) return;
-      const uint32_t before = estimates[i].rays;
-      estimates[i] = gather(receiverOf(i, exposed[i]), rays);
-      estimates[i].rays += before;
-    });
+  const auto shoot = [&](uint32_t i, uint32_t rays) {
+    if (exposed[i] <= 0) return;
+    const uint32_t before = estimates[i].rays;
+    estimates[i] = gather(receiverOf(i, exposed[i]), rays);
+    estimates[i].rays += before;
   };
   // A patch's own rays must not decide whether it gets more: patches whose first rays happen to agree would keep them, which
   // biases the mean. Patches with few neighbours on their facet have few to ask.
-  std::vector<uint32_t> alone, among;
-  for (uint32_t i = 0; i < n; ++i) (patches_.cellsOf(i).size() > 1 || neighboursOf(i).size() < kEnoughToAsk ? alone : among).push_back(i);
-  pass(alone, options_.shadowRays);
-  pass(among, std::min(options_.shadowRays, std::max(kFewestToAsk, options_.shadowRays / kElsewhere)));
-  std::vector<uint32_t> penumbra;
-  for (uint32_t i = 0; i < n; ++i) {
+  tbb::parallel_for(0u, n, [&](uint32_t i) {
+    const bool asks = patches_.cellsOf(i).size() == 1 && neighboursOf(i).size() >= kEnoughToAsk;
+    shoot(i, asks ? std::min(options_.shadowRays, std::max(kFewestToAsk, options_.shadowRays / kElsewhere)) : options_.shadowRays);
+  });
+  std::vector<uint8_t> penumbra(n);
+  tbb::parallel_for(0u, n, [&](uint32_t i) {
     const std::vector<uint32_t> neighbours = neighboursOf(i);
-    if (std::any_of(neighbours.begin(), neighbours.end(), [&](uint32_t k) { return estimates[k].partly; })) penumbra.push_back(i);
-  }
-  pass(penumbra, kPenumbraFactor * options_.shadowRays);
+    penumbra[i] = std::any_of(neighbours.begin(), neighbours.end(), [&](uint32_t k) { return estimates[k].partly; });
+  });
+  tbb::parallel_for(0u, n, [&](uint32_t i) {
+    if (penumbra[i] != 0) shoot(i, kPenumbraFactor * options_.shadowRays);
+  });
   for (uint32_t i = 0; i < n; ++i) {
     result.irradiance[i] = estimates[i].irradiance;
     result.deviation[i] = estimates[i].deviation;

@@ -43,10 +43,10 @@ class ShadowPacket {
   };
   void set(Side& side, uint32_t lane, const Vec3& origin, const Vec3& u, const Vec3& v, const Vec3& normal, double offset, bool triangle);
 
-  Side from_, to_;  // to_.origin is relative to from_.origin
+  Side from_{}, to_{};  // to_.origin is relative to from_.origin
   Vec3 start_[kPacketSize];
-  alignas(64) Lanes scale_;
-  alignas(64) uint32_t shift_[4][kPacketSize];
+  alignas(64) Lanes scale_{};
+  alignas(64) uint32_t shift_[4][kPacketSize]{};
 };
 
 }  // namespace farol

@@ -16,7 +16,7 @@ namespace {
 // The file as libzip reads it. Where it read last tells where a member's bytes lie, which its interface does not.
 struct View {
   std::span<const std::byte> bytes;
-  zip_uint64_t at = 0;
+  zip_uint64_t at = 0, last = 0;
   zip_error_t error{};
 };
 
@@ -32,6 +32,7 @@ zip_int64_t readView(void* state, void* data, zip_uint64_t length, zip_source_cm
     case ZIP_SOURCE_READ: {
       const zip_uint64_t count = std::min<zip_uint64_t>(length, view.bytes.size() - view.at);
       std::memcpy(data, view.bytes.data() + view.at, count);
+      view.last = view.at;
       view.at += count;
       return static_cast<zip_int64_t>(count);
     }
@@ -112,8 +113,8 @@ KeptBytes MappedZip::member(const std::string& name) const {
   zip_file_t* file = zip_fopen_index(a.archive, stat.index, 0);
   const bool opened = file != nullptr && zip_fread(file, &first, 1) == 1;
   if (file != nullptr) zip_fclose(file);
-  const zip_uint64_t start = a.view.at - 1, end = start + stat.size;
-  const bool inside = opened && a.view.at > 0 && end >= start && end <= a.view.bytes.size();
+  const zip_uint64_t start = a.view.last, end = start + stat.size;
+  const bool inside = opened && end >= start && end <= a.view.bytes.size();
   if (!inside) throw Error("{}: member {} is damaged or ends too soon", a.path, name);
   const auto bytes = a.view.bytes.subspan(start, stat.size);
   if (checksumOf(bytes) != stat.crc) throw Error("{}: member {} is damaged", a.path, name);
