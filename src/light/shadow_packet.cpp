@@ -64,9 +64,6 @@ void ShadowPacket::draw(const ShadowPoints& points, uint32_t first) {
   for (size_t c = 0; c < 4; ++c) drawColumn(points.columns[c].data() + first, shift_[c], to[c]);
 }
 
-#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__)
-FAROL_CLONES
-#endif
 void ShadowPacket::place(float margin) {
   for (uint32_t k = 0; k < kPacketSize; ++k) {
     float x = s[k], y = t[k], e = a[k], f = b[k];
