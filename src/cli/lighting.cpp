@@ -71,8 +71,7 @@ class LampLight : public RowStore {
 // nothing counted twice.
 void LightingMaker::addThroughMirrors(const PatchSet& patches, const MethodSpec& spec, std::span<const uint32_t> rows, DirectLight& direct) const {
   constexpr uint32_t kPerShadowRay = 16;  // few of them meet a lamp
-  // Two halves of one sequence: their difference tells the error, which falls with the number of rays to the power 0.6.
-  constexpr double kOrder = 0.6;
+  // Two halves of one sequence: their difference tells the error.
   std::array<std::vector<Rgb>, 2> half;
   for (uint32_t h = 0; h < half.size(); ++h) {
     half[h].assign(patches.size(), Rgb(0));
@@ -90,7 +89,8 @@ void LightingMaker::addThroughMirrors(const PatchSet& patches, const MethodSpec&
   for (const uint32_t i : rows) {
     direct.irradiance[i] += 0.5 * (half[0][i] + half[1][i]);
     const Rgb difference = half[0][i] - half[1][i];
-    direct.deviation[i] = std::hypot(direct.deviation[i], std::sqrt(0.5 * maxChannel(difference * difference)) * std::pow(2.0, -kOrder));
+    const Rgb variance = 0.5 * difference * difference * std::pow(2.0, -2 * kSampleOrder);
+    direct.deviation[i] = glm::sqrt(direct.deviation[i] * direct.deviation[i] + variance);
   }
 }
 
@@ -134,9 +134,9 @@ Lighting LightingMaker::make(const Scene& scene, const PatchSet& patches, const 
   for (int c = 1; c < 3 && f.coloured(); ++c) {
     Replicates own = replicates;
     if (own.rows) own.rows = replicates.rows->ofChannel(c);
-    const std::vector<double> error =
+    const std::vector<Rgb> error =
         irradianceError(f.ofChannel(c), patches, lighting.direct, lighting.solution, own, samplesOf(spec), sky);
-    for (size_t i = 0; i < error.size(); ++i) lighting.error[i] = std::max(lighting.error[i], error[i]);
+    for (size_t i = 0; i < error.size(); ++i) lighting.error[i][c] = error[i][c];
   }
   return lighting;
 }
@@ -194,16 +194,19 @@ ProbeRows makeProbes(Methods& methods, const PatchSet& patches, const MethodSpec
 }
 
 double relativeError(const FormFactorMatrix& f, const PatchSet& patches, const Lighting& lighting) {
-  double squares = 0, area = 0;
-  Rgb total(0);
+  Rgb squares(0), total(0);
+  double area = 0;
   for (size_t i = 0; i < patches.size(); ++i) {
     const double a = patches.patches[i].area * f.shares(i).exposed;
     squares += a * lighting.error[i] * lighting.error[i];
     total += a * lighting.solution.irradiance[i];
     area += a;
   }
-  const double mean = area > 0 ? maxChannel(total) / area : 0;
-  return mean > 0 ? std::sqrt(squares / area) / mean : 0;
+  double error = 0;
+  for (int c = 0; c < 3; ++c) {
+    if (total[c] > 0) error = std::max(error, std::sqrt(squares[c] * area) / total[c]);
+  }
+  return error;
 }
 
 }  // namespace farol

@@ -13,7 +13,7 @@ struct Lighting {
   DirectLight direct;
   std::vector<Rgb> fromPunctual;  // irradiance per patch by punctual lights; empty: none
   Solution solution;
-  std::vector<double> error;  // of H per patch (irradiance_error.h)
+  std::vector<Rgb> error;     // of H per patch (irradiance_error.h)
 };
 
 // All that lightings of one scene share. The references must outlive this.
@@ -58,7 +58,7 @@ inline constexpr size_t kProbes = 24;  // rows made better to tell how good the 
 // rows like F's with other seeds.
 ProbeRows makeProbes(Methods& methods, const PatchSet& patches, const MethodSpec& spec, const FormFactorMatrix& f, size_t count, uint32_t better = 16);
 
-// Root of the area-weighted mean square of `error`, over the mean of H (worst channel); areas are exposed areas.
+// Root of the area-weighted mean square of `error` over the mean of H, of the channel where that is largest; areas are exposed areas.
 double relativeError(const FormFactorMatrix& f, const PatchSet& patches, const Lighting& lighting);
 
 // Samples of the hemisphere per row, for laws of error.

@@ -375,7 +375,7 @@ class Run {
     Replicates none;
     none.patches = replicates_.patches;
     const auto by = [&](const DirectLight& direct) {
-      const std::vector<double> kept = lighting_.error;
+      const std::vector<Rgb> kept = lighting_.error;
       lighting_.error = irradianceError(*f_, patches_, direct, lighting_.solution, none, samplesOf(*spec_), options_.sky);
       const double error = relativeError(*f_, patches_, lighting_);
       lighting_.error = kept;

@@ -12,8 +12,8 @@ using Kind = MethodSpec::Kind;
 
 // Predictions aim below the tolerance: estimates scatter.
 constexpr double kMargin = 0.78;
-// Errors fall with samples to this power.
-constexpr double kSampleOrder = 0.6, kHemicubeOrder = 0.5;
+// Errors fall with pixels to this power.
+constexpr double kHemicubeOrder = 0.5;
 constexpr size_t kProbes = 384;
 constexpr uint32_t kMostRays = 1u << 16;
 // What a picture shows: grain of every patch and edges of shadows.

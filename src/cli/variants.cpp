@@ -168,7 +168,7 @@ void add(Lighting& sum, const Lighting& unit, const Rgb& factor) {
   addScaled(to.radiosity, from.radiosity);
   addScaled(to.irradiance, from.irradiance);
   const double most = maxChannel(factor);
-  if (sum.error.empty()) sum.error.assign(unit.error.size(), 0);
+  if (sum.error.empty()) sum.error.assign(unit.error.size(), Rgb(0));
   for (size_t i = 0; i < unit.error.size(); ++i) sum.error[i] += most * unit.error[i];
   to.converged = to.converged && from.converged;
   to.sweeps += from.sweeps;

@@ -5,6 +5,10 @@
 
 namespace farol {
 
+// Errors fall with the number of low-discrepancy rays to this power: 0.56 to 0.61 measured, 0.625 in theory, where origins are
+// spread and the integral has four dimensions.
+inline constexpr double kSampleOrder = 0.6;
+
 // An entry estimated by K independent samples has the standard error sqrt(F (1 - F) / K). Samples of rays and pixels
 // are not independent but spread evenly, and a single centre point is biased: probe rows tell by what factor the truth
 // is smaller or larger.

@@ -1,6 +1,7 @@
 #include "light/direct.h"
 
 #include "formfactor/analytic.h"
+#include "formfactor/error_model.h"
 #include "formfactor/rays.h"
 #include "patch/positions.h"
 #include "trace/cover.h"
@@ -219,13 +220,12 @@ class Rounds {
   }
   bool empty() const { return total().all <= 0; }
   double share() const { return total().seen / total().all; }
-  // Of the share. Errors fall with the number of rays to the power 0.6 (README, the laws).
+  // Of the share, of all rounds together.
   double variance() const {
-    constexpr double kOrder = 0.6;
     const double mean = share();
     double squares = 0;
     for (const Sum& sum : sums_) squares += sum.all > 0 ? std::pow(sum.seen / sum.all - mean, 2) : 0;
-    return squares / (kRounds - 1) * std::pow(kRounds, -2 * kOrder);
+    return squares / (kRounds - 1) * std::pow(kRounds, -2 * kSampleOrder);
   }
 
  private:
@@ -258,8 +258,8 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
   Rounds sums;
   const auto isPooled = [&](const Source& s) { return sources.size() > 1 && rays * s.weight / total < kFewestRays; };
   std::vector<const Source*> pool;
-  double pooledWeight = 0, variance = 0;
-  Rgb pooled(0);
+  double pooledWeight = 0;
+  Rgb pooled(0), variance(0);
   for (const Source& source : sources) {
     if (isPooled(source)) {
       pool.push_back(&source);
@@ -278,7 +278,7 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
     }
     if (sums.empty()) continue;
     e.irradiance += sums.share() * source.irradiance;
-    variance += source.weight * source.weight * sums.variance();
+    variance += source.irradiance * source.irradiance * sums.variance();
   }
   if (!pool.empty()) {
     const auto count = static_cast<uint32_t>(std::ceil(std::max(kFewestRays, rays * pooledWeight / total)));
@@ -305,10 +305,10 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
     for (int c = 0; c < 3; ++c) {
       if (all[c] > 0) e.irradiance[c] += pooled[c] * seen[c] / all[c];
     }
-    if (!sums.empty()) variance += pooledWeight * pooledWeight * sums.variance();
+    if (!sums.empty()) variance += pooled * pooled * sums.variance();
   }
   e.partly = blocked && open;
-  e.deviation = std::sqrt(variance);
+  e.deviation = glm::sqrt(variance);
   return e;
 }
 
@@ -334,7 +334,7 @@ DirectLight DirectIrradiance::compute(const std::vector<double>& exposed) const 
   const auto n = static_cast<uint32_t>(patches_.size());
   DirectLight result;
   result.irradiance.assign(n, Rgb(0));
-  result.deviation.assign(n, 0);
+  result.deviation.assign(n, Rgb(0));
   std::vector<Estimate> estimates(n);
   const auto shoot = [&](uint32_t i, uint32_t rays) {
     if (exposed[i] <= 0) return;

@@ -15,7 +15,7 @@ struct DirectOptions {
 // Light that reaches patches without F.
 struct DirectLight {
   std::vector<Rgb> irradiance;    // [patches] D [flux per area]; empty: none
-  std::vector<double> deviation;  // [patches] standard error by shadow rays, worst channel, from a few differences: rough by itself
+  std::vector<Rgb> deviation;     // [patches] standard error by shadow rays, from a few differences: rough by itself
   std::vector<uint8_t> apart;     // [patches] 1: the patch's own emission is in D, so that F carries what it reflects
   size_t rays = 0;                // shadow rays traced
 
@@ -37,7 +37,7 @@ class DirectIrradiance {
 
   struct Estimate {
     Rgb irradiance{0};
-    double deviation = 0;
+    Rgb deviation{0};
     bool partly = false;  // some rays were blocked and some were not
     uint32_t rays = 0;
   };

@@ -17,7 +17,7 @@ void writeExr(const std::string& path, const Image& image, double scale);
 
 // One line per patch (RFC 4180); columns as in the README. `error` is the column err, nan where it is empty.
 void writePatchesCsv(const std::string& path, const Scene& scene, const PatchSet& patches, const FormFactorMatrix* f,
-                     const Solution& solution, const std::vector<double>& error);
+                     const Solution& solution, const std::vector<Rgb>& error);
 
 // Mean factors between surfaces, weighted by exposed area: header "surface,area,<names...>,(open),(cut)"; what
 // black backs and solids take is in no column. Of coloured mirrors: red's factors.

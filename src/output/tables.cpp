@@ -28,7 +28,7 @@ void append(std::string& line, const Vec3& v) {
 }  // namespace
 
 void writePatchesCsv(const std::string& path, const Scene& scene, const PatchSet& patches, const FormFactorMatrix* f,
-                     const Solution& solution, const std::vector<double>& error) {
+                     const Solution& solution, const std::vector<Rgb>& error) {
   OutputFile file(path);
   file.stream() << "patch,surface,cx,cy,cz,nx,ny,nz,area,rho_r,rho_g,rho_b,E_r,E_g,E_b,B_r,B_g,B_b,H_r,H_g,H_b,exposed_"
                    "area,err\r\n";
@@ -44,7 +44,7 @@ void writePatchesCsv(const std::string& path, const Scene& scene, const PatchSet
       append(lines, p.area);
       for (const Rgb& c : {p.reflectance, p.emission, solution.radiosity[i], solution.irradiance[i]}) append(lines, c);
       append(lines, p.area * (f != nullptr ? f->shares(i).exposed : 1));
-      append(lines, error.empty() ? std::nan("") : error[i]);
+      append(lines, error.empty() ? std::nan("") : maxChannel(error[i]));
       lines += "\r\n";
     }
   });

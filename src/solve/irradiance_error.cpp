@@ -89,9 +89,9 @@ std::vector<double> scaled(const Neighbourhood& near, const std::vector<double>&
 
 }  // namespace
 
-std::vector<double> irradianceError(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct,
-                                    const Solution& solution, const Replicates& replicates, double samples,
-                                    const Rgb& sky) {
+std::vector<Rgb> irradianceError(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct,
+                                 const Solution& solution, const Replicates& replicates, double samples,
+                                 const Rgb& sky) {
   const size_t n = patches.size(), probes = replicates.patches.size();
   const std::vector<Rgb> r = carried(patches, direct, solution);
   const Neighbourhood near(patches);
@@ -100,7 +100,7 @@ std::vector<double> irradianceError(const FormFactorMatrix& f, const PatchSet& p
   std::vector<double> exposed(n);
   for (size_t i = 0; i < n; ++i) exposed[i] = std::max(f.shares(i).exposed, kLeastExposed);
   std::vector<double> law(n), squares(probes);
-  std::vector<Rgb> bias(probes, Rgb(0));
+  std::vector<Rgb> bias(probes, Rgb(0)), found(probes);
   if (replicates.rows) {
     tbb::parallel_for(size_t{0}, n, [&](size_t i) { variance[i] = sampleVariance(f, i, r, sky) / samples; });
     tbb::parallel_for(size_t{0}, probes, [&](size_t k) {
@@ -108,18 +108,23 @@ std::vector<double> irradianceError(const FormFactorMatrix& f, const PatchSet& p
       Rgb change = (f.shares(p).missed - replicates.rows->shares(p).missed) * sky;
       f[p].forEach([&](size_t j, double value) { change += value * r[j]; });
       (*replicates.rows)[p].forEach([&](size_t j, double value) { change -= value * r[j]; });
-      squares[k] = (replicates.better ? 1.0 : 0.5) * maxChannel(change * change);
+      found[k] = (replicates.better ? 1.0 : 0.5) * change * change;
       if (replicates.better) bias[k] = change;
     });
-    for (size_t i = 0; i < n; ++i) law[i] = maxChannel(variance[i]);
-    const std::vector<double> own = scaled(near, law, replicates.patches, squares, exposed);
-    for (size_t i = 0; i < n; ++i) variance[i] = law[i] > 0 ? variance[i] * (own[i] / law[i]) : Rgb(own[i]);
+    for (int c = 0; c < 3; ++c) {
+      for (size_t i = 0; i < n; ++i) law[i] = variance[i][c];
+      for (size_t k = 0; k < probes; ++k) squares[k] = found[k][c];
+      const std::vector<double> own = scaled(near, law, replicates.patches, squares, exposed);
+      for (size_t i = 0; i < n; ++i) variance[i][c] = own[i];
+    }
   }
   if (!direct.deviation.empty()) {
-    for (size_t i = 0; i < n; ++i) law[i] = direct.deviation[i] * direct.deviation[i] * exposed[i];
     constexpr size_t kHalf = 4;  // nine patches, each of three differences
-    const std::vector<double> own = near.smoothed(law, kHalf);
-    for (size_t i = 0; i < n; ++i) variance[i] += own[i] / exposed[i];
+    for (int c = 0; c < 3; ++c) {
+      for (size_t i = 0; i < n; ++i) law[i] = direct.deviation[i][c] * direct.deviation[i][c] * exposed[i];
+      const std::vector<double> own = near.smoothed(law, kHalf);
+      for (size_t i = 0; i < n; ++i) variance[i][c] += own[i] / exposed[i];
+    }
   }
   carryOn(f, patches, near, replicates.patches, bias, variance);
   double total = 0, area = 0;
@@ -128,8 +133,8 @@ std::vector<double> irradianceError(const FormFactorMatrix& f, const PatchSet& p
     area += patches.patches[i].area;
   }
   const double solver = area > 0 ? solution.error * total / area : 0;
-  std::vector<double> error(n);
-  for (size_t i = 0; i < n; ++i) error[i] = std::sqrt(maxChannel(variance[i]) + solver * solver);
+  std::vector<Rgb> error(n);
+  for (size_t i = 0; i < n; ++i) error[i] = glm::sqrt(variance[i] + solver * solver);
   return error;
 }
 

@@ -81,7 +81,7 @@ std::vector<SensorReading> readSensors(const RayTree& tree, const Tracer& tracer
     const Rgb variance = squares / double{SampleTable::kBlocks * (SampleTable::kBlocks - 1)};
     const DirectIrradiance::Estimate straight = lamps.at(point, n, options.shadowRays, seed);
     readings[s].irradiance = mean + straight.irradiance;
-    readings[s].error = std::sqrt(maxChannel(variance) + straight.deviation * straight.deviation);
+    readings[s].error = std::sqrt(maxChannel(variance + straight.deviation * straight.deviation));
   });
   return readings;
 }

@@ -79,6 +79,37 @@ TEST(DirectLight, OfABentPatchIsTheMeanOverItsPieces) {
   EXPECT_NEAR(bent.factor("roof", "lamp"), factor, 4 * std::sqrt(factor / (1u << 18)));
 }
 
+// What rounds of shadow rays tell is the error: at most three times too large, and hardly too small.
+TEST(DirectLight, ErrorIsToldByRoundsOfRays) {
+  RayRun run(loadSurfaces(lampRoom(true)), {2400, 0}, {});
+  const DirectLight fine = directLight(run, {}, {.shadowRays = 16384});
+  for (const uint32_t rays : {16u, 64u, 256u}) {
+    double told = 0, truth = 0;
+    for (const uint64_t seed : {1, 2, 3, 4}) {
+      const DirectLight d = directLight(run, {}, {.shadowRays = rays, .seed = seed});
+      for (size_t i = 0; i < run.patches.size(); ++i) {
+        told += d.deviation[i].r * d.deviation[i].r;
+        truth += std::pow(d.irradiance[i].r - fine.irradiance[i].r, 2);
+      }
+    }
+    EXPECT_GT(std::sqrt(told), 0.7 * std::sqrt(truth)) << rays;
+    EXPECT_LT(std::sqrt(told), 3 * std::sqrt(truth)) << rays;
+  }
+}
+
+// A fourth of the rays asked for where nothing is in the way, four times as many where neighbours see a lamp partly.
+TEST(DirectLight, RaysGoWhereShadowsEnd) {
+  RayRun open(loadSurfaces(lampRoom(false)), {2400, 0}, {}), blocked(loadSurfaces(lampRoom(true)), {2400, 0}, {});
+  constexpr uint32_t kRays = 256;
+  const auto perPatch = [&](RayRun& run) {
+    return static_cast<double>(directLight(run, {}, {.shadowRays = kRays}).rays) / static_cast<double>(run.patches.size());
+  };
+  EXPECT_LE(perPatch(open), kRays / 4.0 + 1);
+  EXPECT_GT(perPatch(open), kRays / 8.0);
+  EXPECT_GT(perPatch(blocked), 1.5 * perPatch(open));
+  EXPECT_LT(perPatch(blocked), kRays);
+}
+
 // Behind a table: against rays by the hundred thousand.
 TEST(DirectLight, OfALampIsWithinItsErrorWhereATableBlocks) {
   RayRun run(loadSurfaces(lampRoom(true)), {600, 0}, {.rays = 1u << 18});
@@ -92,7 +123,7 @@ TEST(DirectLight, OfALampIsWithinItsErrorWhereATableBlocks) {
     double h = 0;
     run.f[i].forEach([&](size_t j, double f) { h += lamp[j] ? 100 * f : 0; });
     const double noise = 100 * std::sqrt(std::max(h / 100, 1e-5) / (1 << 18));
-    if (std::abs(d.irradiance[i].r - h) <= 3 * (d.deviation[i] + noise)) ++within;
+    if (std::abs(d.irradiance[i].r - h) <= 3 * (d.deviation[i].r + noise)) ++within;
     EXPECT_NEAR(fine.irradiance[i].r, h, 4 * noise + 0.01 * h) << i;
     if (d.irradiance[i].r < 1e-9) ++shaded;
     ++all;

@@ -34,7 +34,7 @@ class Judge {
       for (size_t c = 0; c < 3; ++c) h[i][static_cast<int>(c)] = std::stod(lines.at(i + 1).at(18 + c));
     }
     HError error;
-    constexpr double kResolved = 8;  // rare bright paths over mirrors make what is left of the noise larger than it looks
+    constexpr double kResolved = 4;
     for (double more = 2; known->spent == 0 || ((error = of(h, *known)).noise > std::max(tolerance, error.error) / kResolved && known->spent < seconds); more *= 2) {
       known->truth = gather(patches, more);
       known->spent = more;

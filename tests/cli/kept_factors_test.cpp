@@ -86,6 +86,25 @@ TEST_F(KeptFactors, KeepWhatTellsTheirError) {
   EXPECT_NEAR(error[0], error[1], 1e-9 * error[1]);
 }
 
+// Data lie at multiples of 64 bytes, to be used in place; a file whose data do not is read as well, one that something compressed
+// is refused.
+TEST_F(KeptFactors, AreUsedWhereTheyLie) {
+  const std::string look = "import zipfile, struct; f = open('" + path("F.npz") +
+                           "', 'rb'); at = lambda i: (f.seek(i.header_offset + 26), i.header_offset + 30 + sum(struct.unpack('<HH', f.read(4))))[1]; "
+                           "starts = [at(i) % 64 for i in zipfile.ZipFile(f).infolist()]; assert len(starts) > 10 and not any(starts), starts";
+  EXPECT_EQ(std::system(("/usr/bin/python3 -c \"" + look + "\"").c_str()), 0);
+  const auto again = [&](const std::string& name, const std::string& how) {
+    const std::string copy = fmt::format("import zipfile; a = zipfile.ZipFile('{}'); b = zipfile.ZipFile('{}', 'w', zipfile.{}); b.writestr('x', 'yz'); "
+                                         "[b.writestr(n, a.read(n)) for n in a.namelist()]",
+                                         path("F.npz"), path(name), how);
+    return std::system(("/usr/bin/python3 -c \"" + copy + "\"").c_str());
+  };
+  ASSERT_EQ(again("unaligned.npz", "ZIP_STORED"), 0);
+  ASSERT_EQ(again("compressed.npz", "ZIP_DEFLATED"), 0);
+  EXPECT_EQ(solved("room.gltf", "--factors " + path("unaligned.npz")), solved("room.gltf", "--factors " + path("F.npz")));
+  expectRefused("solve " + path("room.gltf") + " --factors " + path("compressed.npz"), "compressed.npz: member farol_method.npy is compressed");
+}
+
 TEST_F(KeptFactors, NeedNoVulkanDevice) {
   const Outcome o = farol("solve " + path("room.gltf") + " --factors " + path("F.npz") + " --report " + path("r.json"),
                           "VK_ICD_FILENAMES=/nowhere VK_DRIVER_FILES=/nowhere");

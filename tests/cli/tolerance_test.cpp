@@ -33,6 +33,23 @@ TEST_F(Tolerance, TakesNoFewerPatchesThanItsTrial) {
   EXPECT_GT(told["predicted_seconds"].get<double>(), told["choosing_seconds"].get<double>());
 }
 
+// The error is that of the worst channel, each relative to its own mean: a dim blue lamp that rows hardly find is no better known
+// beside a bright red ceiling.
+TEST_F(Tolerance, ErrorIsRelativeToEachChannelsMean) {
+  std::vector<TestSurface> room = closedBox({2, 2, 2}, Rgb(0.5));
+  room.push_back({"lamp", {{{0.9, 0.9, 1.5}, {0.9, 1.1, 1.5}, {1.1, 1.1, 1.5}, {1.1, 0.9, 1.5}}}, Rgb(0.5)});
+  const auto estimated = [&](const Rgb& ceiling, const Rgb& lamp) {
+    room[5].emission = ceiling;
+    room[6].emission = lamp;
+    writeText(path("room.gltf"), gltfOf(room).dump());
+    EXPECT_EQ(solve(path("room.gltf"), "--patches 600 --method rays --rays 256 --emitters matrix").exitCode, 0);
+    return report()["estimated_error"].get<double>();
+  };
+  const double red = estimated(Rgb(1), Rgb(0)), blue = estimated(Rgb(0), Rgb(1)), both = estimated(Rgb(100, 0, 0), Rgb(0, 0, 1));
+  EXPECT_GT(blue, 5 * red);
+  EXPECT_NEAR(both, blue, 0.3 * blue);
+}
+
 TEST_F(Tolerance, ChartHasItsDataBesideIt) {
   const std::string command = "chart " + kCornell + " --patches 200 --time 5 -o " + path("chart.svg");
   const Outcome o = farol(command);

@@ -1,0 +1,38 @@
+#include "base/sobol.h"
+
+#include "base/math.h"
+
+#include <gtest/gtest.h>
+#include <set>
+
+using namespace farol;
+
+// Direction numbers of Joe and Kuo, new-joe-kuo-6.21201: the second to fourth points of the first four dimensions.
+TEST(Sobol, BeginsAsPublished) {
+  constexpr uint32_t kQuarter = 1u << 30;
+  EXPECT_EQ(sobolPoint(0), (std::array<uint32_t, 4>{0, 0, 0, 0}));
+  EXPECT_EQ(sobolPoint(1), (std::array<uint32_t, 4>{2 * kQuarter, 2 * kQuarter, 2 * kQuarter, 2 * kQuarter}));
+  EXPECT_EQ(sobolPoint(2), (std::array<uint32_t, 4>{kQuarter, 3 * kQuarter, 3 * kQuarter, 3 * kQuarter}));
+  EXPECT_EQ(sobolPoint(3), (std::array<uint32_t, 4>{3 * kQuarter, kQuarter, kQuarter, kQuarter}));
+}
+
+// In every byte of the number: a point is the sum modulo 2 of those of its bits.
+TEST(Sobol, PointsAddUpBitByBit) {
+  for (uint64_t k = 0; k < 1000; ++k) {
+    const auto a = static_cast<uint32_t>(mixBits(2 * k)), b = static_cast<uint32_t>(mixBits(2 * k + 1));
+    const auto x = sobolPoint(a), y = sobolPoint(b), z = sobolPoint(a ^ b);
+    for (size_t d = 0; d < 4; ++d) EXPECT_EQ(z[d], x[d] ^ y[d]) << a << " " << b;
+  }
+}
+
+TEST(Sobol, RunsFillEveryStratum) {
+  constexpr uint32_t kRun = 4096;
+  for (const uint32_t first : {0u, 3 * kRun, 1u << 20, 0xFFFFF000u}) {
+    std::array<std::set<uint32_t>, 4> strata;
+    for (uint32_t k = 0; k < kRun; ++k) {
+      const auto x = sobolPoint(first + k);
+      for (size_t d = 0; d < 4; ++d) strata[d].insert(x[d] >> 20);
+    }
+    for (const auto& s : strata) EXPECT_EQ(s.size(), kRun) << first;
+  }
+}
