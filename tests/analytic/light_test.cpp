@@ -110,6 +110,54 @@ TEST(DirectLight, RaysGoWhereShadowsEnd) {
   EXPECT_LT(perPatch(blocked), kRays);
 }
 
+// Two slopes as one patch, a lamp that a screen hides from part of the larger one: origins are spread over both by area.
+TEST(DirectLight, OfABentPatchKnowsWhichPieceIsInShadow) {
+  const double fall = std::tan(20 * kPi / 180);
+  const std::vector<TestSurface> surfaces{
+      {"roof", {{{-2, 0, -2 * fall}, {0, 0, 0}, {0, 1, 0}, {-2, 1, -2 * fall}}, {{0, 0, 0}, {1, 0, -fall}, {1, 1, -fall}, {0, 1, 0}}}},
+      {"lamp", {{{-0.15, 0.35, 2}, {-0.15, 0.65, 2}, {0.15, 0.65, 2}, {0.15, 0.35, 2}}}, Rgb(0), Rgb(100)},
+      {"screen", {{{-3, -1, 0.5}, {-0.6, -1, 0.5}, {-0.6, 2, 0.5}, {-3, 2, 0.5}}}, Rgb(0.5), Rgb(0), true}};
+  constexpr uint32_t kRays = 16384;
+  PatchOptions one{0, 10};
+  one.cluster = 45;
+  RayRun bent(loadSurfaces(surfaces), one, {}), apart(loadSurfaces(surfaces), {0, 10}, {});
+  ASSERT_EQ(bent.patchesOf("roof").size(), 1u);
+  const DirectLight together = directLight(bent, {}, {.shadowRays = kRays}), each = directLight(apart, {}, {.shadowRays = kRays});
+  double mean = 0, area = 0;
+  for (const uint32_t i : apart.patchesOf("roof")) {
+    mean += apart.patches.patches[i].area * each.irradiance[i].r;
+    area += apart.patches.patches[i].area;
+  }
+  EXPECT_NEAR(together.irradiance[bent.patchesOf("roof")[0]].r, mean / area, 0.005 * mean / area);
+}
+
+// A block without a bottom face stands on the floor: of a patch that it covers in part only the exposed part is lit, as rays see
+// it, and what lies under the block is not taken for shadow.
+TEST(DirectLight, OfAPartlyCoveredPatchIsThatOfItsExposedPart) {
+  auto surfaces = lampRoom(false);
+  const Vec3 low(1.53, 1.53, 0), high(2.47, 2.47, 0.3);
+  const auto wall = [&](const Vec3& a, const Vec3& b) { return std::vector<Vec3>{{a.x, a.y, 0}, {b.x, b.y, 0}, {b.x, b.y, high.z}, {a.x, a.y, high.z}}; };
+  const Vec3 p = low, q(high.x, low.y, 0), r = high, s(low.x, high.y, 0);
+  surfaces.push_back({"block", {wall(p, q), wall(q, r), wall(r, s), wall(s, p), {{p.x, p.y, high.z}, {q.x, q.y, high.z}, {r.x, r.y, high.z}, {s.x, s.y, high.z}}}});
+  RayRun run(loadSurfaces(surfaces), {600, 0}, {.rays = 1u << 17});
+  run.makeRowsOf("z0");
+  std::vector<double> exposed(run.patches.size(), 1.0);
+  for (const uint32_t i : run.patchesOf("z0")) exposed[i] = run.f.shares(i).exposed;
+  const LampPlan plan = chooseLamps(run.facets, run.patches, {});
+  const DirectLight d = DirectIrradiance(run.tracer, run.facets, run.patches, plan.lamps, {}, {.shadowRays = 4096}).compute(exposed);
+  const std::vector<uint32_t> lamp = run.patchesOf("lamp");
+  size_t partly = 0;
+  for (const uint32_t i : run.patchesOf("z0")) {
+    if (exposed[i] < 0.1 || exposed[i] > 0.9) continue;
+    double h = 0;
+    run.f[i].forEach([&](size_t j, double f) { h += std::find(lamp.begin(), lamp.end(), j) != lamp.end() ? 100 * f : 0; });
+    const double noise = 100 * std::sqrt(std::max(h / 100, 1e-5) / (exposed[i] * (1 << 17)));
+    EXPECT_NEAR(d.irradiance[i].r, h, 0.02 * h + 4 * noise) << i << " exposed " << exposed[i];
+    ++partly;
+  }
+  EXPECT_GE(partly, 8u);
+}
+
 // Behind a table: against rays by the hundred thousand.
 TEST(DirectLight, OfALampIsWithinItsErrorWhereATableBlocks) {
   RayRun run(loadSurfaces(lampRoom(true)), {600, 0}, {.rays = 1u << 18});
@@ -136,24 +184,25 @@ TEST(DirectLight, OfALampIsWithinItsErrorWhereATableBlocks) {
 }
 
 TEST(DirectLight, OfPunctualLightsFollowsTheInverseSquareAndCastsShadows) {
-  PunctualLight point;
-  point.kind = PunctualLight::Kind::point;
-  point.position = {2, 2, 2.2};
-  point.intensity = Rgb(1000, 500, 250);
   RayRun run(loadSurfaces(lampRoom(true)), {2000, 0}, {});
-  const DirectLight d = directLight(run, {point});
-  const DirectLight lampOnly = directLight(run, {});
-  for (const uint32_t i : run.patchesOf("z0")) {
-    const Vec3 c = run.patches.patches[i].centre, to = point.position - c;
-    const double r2 = glm::dot(to, to), h = 1000 * 2.2 / (r2 * std::sqrt(r2));
-    const Rgb found = d.irradiance[i] - lampOnly.irradiance[i];
-    // The table at 0.75 m of half width 0.5 throws a shadow of half width 0.5 * 2.2 / 1.45.
-    const double edge = 0.5 * 2.2 / 1.45, away = std::max(std::abs(c.x - 2), std::abs(c.y - 2));
-    if (away < edge - 0.1) {
-      EXPECT_NEAR(found.r, 0, 1e-9);
-    } else if (away > edge + 0.1) {
-      EXPECT_NEAR(found.r, h, 0.002 * h);
-      EXPECT_NEAR(found.b, 0.25 * found.r, 1e-9 * h);
+  for (const double height : {2.2, 1.2}) {  // the table is nearer to the floor, or nearer to the light
+    PunctualLight point;
+    point.kind = PunctualLight::Kind::point;
+    point.position = {2, 2, height};
+    point.intensity = Rgb(1000, 500, 250);
+    const DirectLight d = DirectIrradiance(run.tracer, run.facets, run.patches, {}, {&point, 1}, {}).compute(std::vector<double>(run.patches.size(), 1.0));
+    for (const uint32_t i : run.patchesOf("z0")) {
+      const Vec3 c = run.patches.patches[i].centre, to = point.position - c;
+      const double r2 = glm::dot(to, to), h = 1000 * height / (r2 * std::sqrt(r2));
+      const Rgb found = d.irradiance[i];
+      // The table at 0.75 m of half width 0.5 throws a shadow of half width 0.5 * height / (height - 0.75).
+      const double edge = 0.5 * height / (height - 0.75), away = std::max(std::abs(c.x - 2), std::abs(c.y - 2));
+      if (away < edge - 0.1) {
+        EXPECT_NEAR(found.r, 0, 1e-9);
+      } else if (away > edge + 0.1) {
+        EXPECT_NEAR(found.r, h, 0.003 * h);
+        EXPECT_NEAR(found.b, 0.25 * found.r, 1e-9 * h);
+      }
     }
   }
 }

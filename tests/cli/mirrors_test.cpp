@@ -97,6 +97,17 @@ TEST_F(Mirrors, ColouredOnesGiveEachChannelItsOwnF) {
     EXPECT_FALSE(report()["three_form_factors"]);
     for (size_t k = 0; k < alike.values.size(); ++k) EXPECT_NEAR(alike.values[k], got[c].values[k], 1e-5 * (0.1 + got[c].values[k])) << c;
   }
+  // So is the error of what only green light knows.
+  room_[6].emission = Rgb(0, 50, 0);
+  const auto estimated = [&](const Rgb& mirror) {
+    room_[0].mirror = mirror;
+    write();
+    solve(how);
+    return report()["estimated_error"].get<double>();
+  };
+  const double alike = estimated(Rgb(colour.g)), coloured = estimated(colour);
+  EXPECT_GT(alike, 0);
+  EXPECT_NEAR(coloured, alike, 1e-3 * alike);
 }
 
 TEST_F(Mirrors, AreRefusedWhereTheyCannotBeFollowed) {

@@ -50,6 +50,20 @@ TEST_F(Tolerance, ErrorIsRelativeToEachChannelsMean) {
   EXPECT_NEAR(both, blue, 0.3 * blue);
 }
 
+// Every part of the error is known by itself, before and after.
+TEST_F(Tolerance, TellsTheErrorOfDirectLightApart) {
+  ASSERT_EQ(solve(kCornell, "--tolerance 0.02").exitCode, 0);
+  const json told = report()["tolerance"]["estimated_error"], predicted = report()["tolerance"]["predicted_error"];
+  double squares = 0;
+  for (const char* part : {"patches", "rows", "light", "sweeps"}) squares += std::pow(told[part].get<double>(), 2);
+  EXPECT_NEAR(std::sqrt(squares), told["total"].get<double>(), 1e-9);
+  for (const char* part : {"rows", "light"}) {
+    EXPECT_GT(told[part].get<double>(), 0.001) << part;
+    EXPECT_GT(predicted[part].get<double>(), told[part].get<double>() / 2) << part;
+    EXPECT_LT(predicted[part].get<double>(), told[part].get<double>() * 2) << part;
+  }
+}
+
 TEST_F(Tolerance, ChartHasItsDataBesideIt) {
   const std::string command = "chart " + kCornell + " --patches 200 --time 5 -o " + path("chart.svg");
   const Outcome o = farol(command);

@@ -63,6 +63,17 @@ TEST(PatchesCsv, QuotesNamesAndHasAColumnPerHeader) {
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 25);
 }
 
+TEST(PatchesCsv, TellsTheErrorOfTheWorstChannel) {
+  const Solved s;
+  const TemporaryFolder folder;
+  std::vector<Rgb> error(s.patches.size(), Rgb(0.25, 0.125, 0.0625));
+  error[1] = Rgb(0.25, 0.5, 0.125);
+  writePatchesCsv(folder.path("p.csv"), s.scene, s.patches, nullptr, s.solution, error);
+  const auto lines = readCsv(folder.path("p.csv"));
+  EXPECT_EQ(lines.at(1).back(), "0.25");
+  EXPECT_EQ(lines.at(2).back(), "0.5");
+}
+
 TEST(FactorsNpy, HasTheHeaderThatNumPyReads) {
   FormFactorMatrix f(3);
   for (uint32_t i = 0; i < 3; ++i) f.row(i)[i] = 0.5f;

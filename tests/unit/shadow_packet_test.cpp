@@ -84,6 +84,28 @@ TEST(ShadowPacket, RaysRunFromThePieceToTheLampAndKeepOffTheEdges) {
   }
 }
 
+// Rays end a step before the lamp, along its normal.
+TEST(ShadowPacket, RaysEndBeforeTheLamp) {
+  Lamp point = lamp(0);
+  point.polygon.assign(4, Vec3(0.4, 0.5, 0.5));
+  point.normal = glm::normalize(Vec3(3, 4, -12));
+  constexpr double kStep = 100 * kRayOffset;  // of the receiver; the lamp's is kRayOffset
+  ShadowPacket packet;
+  for (uint32_t k = 0; k < kPacketSize; ++k) {
+    packet.startOn(k, receiver(false), kStep);
+    packet.endOn(k, point, 1, {});
+  }
+  packet.draw(ShadowPoints(16), 0);
+  packet.place(0);
+  const Vec3 wanted = point.polygon[0] + kRayOffset * point.normal;
+  for (uint32_t k = 0; k < kPacketSize; ++k) {
+    EXPECT_NEAR(packet.rays.ox[k] + packet.rays.dx[k], wanted.x, 0.3 * kRayOffset);
+    EXPECT_NEAR(packet.rays.oy[k] + packet.rays.dy[k], wanted.y, 0.3 * kRayOffset);
+    EXPECT_NEAR(packet.rays.oz[k] + packet.rays.dz[k], wanted.z, 0.3 * kRayOffset);
+    EXPECT_NEAR(packet.rays.oz[k], kStep, 1e-9);
+  }
+}
+
 TEST(ShadowPacket, PointsBehindOneAnotherDoNotCount) {
   Piece from = receiver(false);
   from.normal = Vec3(0, 0, -1);

@@ -2,6 +2,7 @@
 
 #include "base/math.h"
 
+#include <bit>
 #include <gtest/gtest.h>
 #include <set>
 
@@ -22,6 +23,16 @@ TEST(Sobol, PointsAddUpBitByBit) {
     const auto a = static_cast<uint32_t>(mixBits(2 * k)), b = static_cast<uint32_t>(mixBits(2 * k + 1));
     const auto x = sobolPoint(a), y = sobolPoint(b), z = sobolPoint(a ^ b);
     for (size_t d = 0; d < 4; ++d) EXPECT_EQ(z[d], x[d] ^ y[d]) << a << " " << b;
+  }
+}
+
+// Direction numbers are a triangle with ones on its diagonal: bit b of the number decides bit 31 - b of every dimension, and
+// nothing below it.
+TEST(Sobol, EveryBitOfANumberHasItsPlace) {
+  for (uint32_t b = 0; b < 32; ++b) {
+    const auto x = sobolPoint(1u << b);
+    for (size_t d = 0; d < 4; ++d) EXPECT_EQ(std::countr_zero(x[d]), 31 - static_cast<int>(b)) << "dimension " << d;
+    EXPECT_EQ(x[0], 1u << (31 - b));
   }
 }
 
