@@ -210,7 +210,6 @@ namespace {
 // Kernels of a source's rays in four rounds, each a stretch of the sequence: how much the rounds differ tells the error of all.
 class Rounds {
  public:
-  Rounds() = default;
   explicit Rounds(uint32_t rays) : rays_(rays) {}
 
   void add(uint32_t ray, double kernel, bool visible) {
@@ -241,7 +240,7 @@ class Rounds {
     }
     return t;
   }
-  uint32_t rays_ = 1;
+  uint32_t rays_;
   std::array<Sum, kRounds> sums_{};
 };
 
@@ -255,7 +254,6 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
   if (sources.empty()) return e;
   Visibility visibility(*this, r);
   bool blocked = false, open = false;
-  Rounds sums;
   const auto isPooled = [&](const Source& s) { return sources.size() > 1 && rays * s.weight / total < kFewestRays; };
   std::vector<const Source*> pool;
   double pooledWeight = 0;
@@ -269,7 +267,7 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
     }
     const auto count = static_cast<uint32_t>(std::lround(rays * source.weight / total));
     for (uint32_t lane = 0; lane < kPacketSize; ++lane) visibility.aim(lane, source);
-    sums = Rounds(count);
+    Rounds sums(count);
     for (uint32_t k = 0; k < count; k += kPacketSize) {
       e.rays += visibility.trace(r.block * count + k, std::min(kPacketSize, count - k), [&](uint32_t lane, double w, bool visible) {
         sums.add(k + lane, w, visible);
@@ -285,7 +283,7 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
     const double offset = unitFromBits(mixBits(r.seed + r.block));
     size_t at = 0;
     double before = 0;
-    sums = Rounds(count);
+    Rounds sums(count);
     Rgb all(0), seen(0);
     for (uint32_t k = 0; k < count; k += kPacketSize) {
       const uint32_t lanes = std::min(kPacketSize, count - k);

@@ -18,11 +18,13 @@ struct ShadowPoints {
 class ShadowPacket {
  public:
   RayPacket rays;                     // from the receiver to the source: direction times one
-  alignas(64) float kernel[kPacketSize];  // cos cos / (pi r^2) x `scale`; 0: one does not see the other's front
+  // cos cos / r^2 x `scale` [unit coordinates squared]: with area / pi of the lamp its mean is the form factor to the lamp. 0: one
+  // end does not see the other's front.
+  alignas(64) float kernel[kPacketSize];
 
   // Where rays of a lane start: on a piece of a patch, `offset` before it, or at a point (no sides).
   void startOn(uint32_t lane, const Piece& piece, double offset);
-  // Where they end: on a lamp, whose shift tells the sequences of lamps apart. `scale` [1 / unit coordinates squared, times area].
+  // Where they end: on a lamp; `shift` moves the sequence, so that lamps do not share one.
   void endOn(uint32_t lane, const Lamp& lamp, double scale, const std::array<uint32_t, 4>& shift);
   // At no lamp: the caller sets direction and kernel.
   void endNowhere(uint32_t lane, const std::array<uint32_t, 4>& shift);
