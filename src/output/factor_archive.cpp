@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cstring>
 #include <functional>
 #include <numeric>
@@ -18,6 +19,19 @@ namespace {
 
 // Light can cross a mirror several times: entries towards mirrors and glass may exceed 1.
 constexpr float kMostFactor = 1024;
+
+// Both without a branch per entry: they look at all of F.
+bool ascending(std::span<const uint32_t> ids, size_t below) {
+  uint32_t wrong = 0;
+  for (size_t k = 1; k < ids.size(); ++k) wrong |= ids[k] <= ids[k - 1] ? 1 : 0;
+  return wrong == 0 && (ids.empty() || ids.back() < below);
+}
+// From 0 to the most, which as bits are those of the smallest numbers: signs and what is no number are above.
+bool possible(std::span<const float> factors) {
+  uint32_t most = 0;
+  for (const float f : factors) most = std::max(most, std::bit_cast<uint32_t>(f));
+  return most <= std::bit_cast<uint32_t>(kMostFactor);
+}
 
 // A member under way: its header, then what `more` appends, part after part, until it appends nothing.
 struct Member {
@@ -409,12 +423,7 @@ void FactorArchive::loadRows(FormFactorMatrix& to, int c, const std::string& pre
     const auto at = static_cast<size_t>(starts[k]), length = static_cast<size_t>(starts[k + 1] - starts[k]);
     const auto rowIds = ids.subspan(at, length);
     const auto rowValues = values.subspan(at, length);
-    bool good = true;
-    for (size_t l = 0; l < length; ++l) {
-      good &= rowIds[l] < patches && rowValues[l] >= 0 && rowValues[l] <= kMostFactor;
-      if (l > 0) good &= rowIds[l] > rowIds[l - 1];
-    }
-    if (!good) throw Error("{}: row {} has an entry outside the matrix or outside [0, {}]", a.path, rows[k], kMostFactor);
+    if (!ascending(rowIds, patches) || !possible(rowValues)) throw Error("{}: row {} has an entry outside the matrix or outside [0, {}]", a.path, rows[k], kMostFactor);
     if (f.worthAList(length))
       f.borrow(rows[k], rowIds, rowValues, owner);
     else

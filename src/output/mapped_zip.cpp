@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <libdeflate.h>
 #include <tbb/parallel_for.h>
 #include <vector>
 #include <zip.h>
@@ -58,11 +59,12 @@ zip_int64_t readView(void* state, void* data, zip_uint64_t length, zip_source_cm
   }
 }
 
+// libdeflate knows the instructions for it, zlib how to put parts together.
 uint32_t checksumOf(std::span<const std::byte> bytes) {
   constexpr size_t kPart = size_t{1} << 22;
   std::vector<uLong> parts((bytes.size() + kPart - 1) / kPart);
   const auto part = [&](size_t k) { return bytes.subspan(k * kPart, std::min(kPart, bytes.size() - k * kPart)); };
-  tbb::parallel_for(size_t{0}, parts.size(), [&](size_t k) { parts[k] = crc32_z(0, reinterpret_cast<const Bytef*>(part(k).data()), part(k).size()); });
+  tbb::parallel_for(size_t{0}, parts.size(), [&](size_t k) { parts[k] = libdeflate_crc32(0, part(k).data(), part(k).size()); });
   uLong sum = 0;
   for (size_t k = 0; k < parts.size(); ++k) sum = crc32_combine(sum, parts[k], static_cast<z_off_t>(part(k).size()));
   return static_cast<uint32_t>(sum);

@@ -1,5 +1,6 @@
 #include "solve/gather.h"
 
+#include <algorithm>
 #include <cstring>
 #include <type_traits>
 
@@ -42,33 +43,43 @@ template <size_t Channels, typename Factor, size_t Rows>
   std::memcpy(sums, part, sizeof part);
 }
 
-// Four entries of a list side by side, to hide the latency of additions. What follows in memory is mostly the next row,
-// so it is asked for ahead.
-template <size_t Channels, bool Weighted>
-[[gnu::always_inline]] inline void listLoop(const uint32_t* ids, const float* values, size_t count, const double* b, double* sums) {
-  constexpr size_t kStride = Channels == 3 ? 4 : 1, kSide = 4, kAhead = 128, kPerLine = 16;
+// Four entries of a list side by side, to hide the latency of additions, and a cache line of each row in turn: rows of
+// neighbours come by the same patches at about the same time. What follows in memory is mostly the next row, so it is asked
+// for ahead.
+template <size_t Channels, bool Weighted, size_t Rows>
+[[gnu::always_inline]] inline void listLoop(const ListRow* rows, const double* b, double (*sums)[Channels]) {
+  constexpr size_t kStride = Channels == 3 ? 4 : 1, kSide = 4, kAhead = 256 / Rows, kPerLine = 16;
   using Values = std::conditional_t<kStride == 1, double, Vector<double, 4>>;
-  Values part[kSide] = {};
-  for (size_t k = 0; k < count; k += kPerLine) {
-    __builtin_prefetch(ids + k + kAhead);
-    if constexpr (Weighted) __builtin_prefetch(values + k + kAhead);
-    const auto add = [&](size_t l) __attribute__((always_inline)) {
-      Values from;
-      std::memcpy(&from, b + kStride * ids[k + l], sizeof from);
-      if constexpr (Weighted)
-        part[l % kSide] += static_cast<double>(values[k + l]) * from;
-      else
-        part[l % kSide] += from;
-    };
-    if (k + kPerLine <= count) {
+  Values part[Rows][kSide] = {};
+  const auto add = [&](size_t r, size_t k, size_t l) __attribute__((always_inline)) {
+    Values from;
+    std::memcpy(&from, b + kStride * rows[r].ids[k + l], sizeof from);
+    if constexpr (Weighted)
+      part[r][l % kSide] += static_cast<double>(rows[r].values[k + l]) * from;
+    else
+      part[r][l % kSide] += from;
+  };
+  const auto addLine = [&](size_t r, size_t k) __attribute__((always_inline)) {
+    __builtin_prefetch(rows[r].ids + k + kAhead);
+    if constexpr (Weighted) __builtin_prefetch(rows[r].values + k + kAhead);
 #pragma GCC unroll 16
-      for (size_t l = 0; l < kPerLine; ++l) add(l);
-    } else {
-      for (size_t l = 0; l < count - k; ++l) add(l);
-    }
+    for (size_t l = 0; l < kPerLine; ++l) add(r, k, l);
+  };
+  size_t together = rows[0].count;
+  for (size_t r = 1; r < Rows; ++r) together = std::min(together, rows[r].count);
+  together -= together % kPerLine;
+  for (size_t k = 0; k < together; k += kPerLine) {
+#pragma GCC unroll 4
+    for (size_t r = 0; r < Rows; ++r) addLine(r, k);
   }
-  const Values sum = (part[0] + part[1]) + (part[2] + part[3]);
-  std::memcpy(sums, &sum, Channels * sizeof(double));
+#pragma GCC unroll 4
+  for (size_t r = 0; r < Rows; ++r) {
+    size_t k = together;
+    for (; k + kPerLine <= rows[r].count; k += kPerLine) addLine(r, k);
+    for (size_t l = 0; l < rows[r].count - k; ++l) add(r, k, l);
+    const Values sum = (part[r][0] + part[r][1]) + (part[r][2] + part[r][3]);
+    std::memcpy(sums[r], &sum, sizeof sums[r]);
+  }
 }
 
 // The loops for one kind of processor, whose registers hold the sums of GROUP rows. NOLINTBEGIN(bugprone-macro-parentheses)
@@ -83,9 +94,9 @@ template <size_t Channels, bool Weighted>
         denseLoop<Channels, Factor, Rows>(rows, b, n, last, sums);                                                         \
       }                                                                                                                    \
     }                                                                                                                      \
-    template <size_t Channels, bool Weighted>                                                                              \
-    TARGET static void list(const uint32_t* ids, const float* values, size_t count, const double* b, double* sums) {       \
-      listLoop<Channels, Weighted>(ids, values, count, b, sums);                                                           \
+    template <size_t Channels, bool Weighted, size_t Rows>                                                                 \
+    TARGET static void list(const ListRow* rows, const double* b, double (*sums)[Channels]) {                              \
+      listLoop<Channels, Weighted, Rows>(rows, b, sums);                                                                   \
     }                                                                                                                      \
   };
 // NOLINTEND(bugprone-macro-parentheses)
@@ -104,12 +115,6 @@ auto chosen(Choose choose) {
   if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) return choose(Avx2{});
 #endif
   return choose(Plain{});
-}
-
-template <size_t Channels, bool Weighted>
-void gatherList(std::span<const uint32_t> ids, const float* values, const double* b, double* sums) {
-  static const auto list = chosen([](auto processor) { return &decltype(processor)::template list<Channels, Weighted>; });
-  list(ids.data(), values, ids.size(), b, sums);
 }
 
 }  // namespace
@@ -134,24 +139,23 @@ void gatherRows(std::span<const Factor* const> rows, const double* b, size_t n, 
   }
 }
 
-template <size_t Channels>
-void gatherHits(std::span<const uint32_t> ids, double weight, const double* b, double* sums) {
-  gatherList<Channels, false>(ids, nullptr, b, sums);
-  for (size_t c = 0; c < Channels; ++c) sums[c] *= weight;
-}
-
-template <size_t Channels>
-void gatherEntries(std::span<const uint32_t> ids, std::span<const float> values, const double* b, double* sums) {
-  gatherList<Channels, true>(ids, values.data(), b, sums);
+template <size_t Channels, bool Weighted>
+void gatherLists(std::span<const ListRow> rows, const double* b, double (*sums)[Channels]) {
+  constexpr size_t kGroup = 4;
+  static const auto one = chosen([](auto processor) { return &decltype(processor)::template list<Channels, Weighted, 1>; });
+  static const auto group = chosen([](auto processor) { return &decltype(processor)::template list<Channels, Weighted, kGroup>; });
+  size_t done = 0;
+  for (; done + kGroup <= rows.size(); done += kGroup) group(rows.data() + done, b, sums + done);
+  for (; done < rows.size(); ++done) one(rows.data() + done, b, sums + done);
 }
 
 template void gatherRows(std::span<const float* const>, const double*, size_t, double (*)[3]);
 template void gatherRows(std::span<const float* const>, const double*, size_t, double (*)[1]);
 template void gatherRows(std::span<const uint16_t* const>, const double*, size_t, double (*)[3]);
 template void gatherRows(std::span<const uint16_t* const>, const double*, size_t, double (*)[1]);
-template void gatherHits<3>(std::span<const uint32_t>, double, const double*, double*);
-template void gatherHits<1>(std::span<const uint32_t>, double, const double*, double*);
-template void gatherEntries<3>(std::span<const uint32_t>, std::span<const float>, const double*, double*);
-template void gatherEntries<1>(std::span<const uint32_t>, std::span<const float>, const double*, double*);
+template void gatherLists<3, true>(std::span<const ListRow>, const double*, double (*)[3]);
+template void gatherLists<1, true>(std::span<const ListRow>, const double*, double (*)[1]);
+template void gatherLists<3, false>(std::span<const ListRow>, const double*, double (*)[3]);
+template void gatherLists<1, false>(std::span<const ListRow>, const double*, double (*)[1]);
 
 }  // namespace farol

@@ -14,11 +14,14 @@ constexpr size_t kRowsAtOnce = 16;  // at most
 template <size_t Channels, typename Factor>
 void gatherRows(std::span<const Factor* const> rows, const double* b, size_t n, double (*sums)[Channels]);
 
-// The same for a row that is a list of hits of one weight, or of ids with values: `b` holds four doubles per patch for
-// three channels, one for one, and a last patch of zeros.
-template <size_t Channels>
-void gatherHits(std::span<const uint32_t> ids, double weight, const double* b, double* sums);
-template <size_t Channels>
-void gatherEntries(std::span<const uint32_t> ids, std::span<const float> values, const double* b, double* sums);
+// The same for rows that are lists of ids, with values (Weighted) or each counting 1: `b` holds four doubles per patch for
+// three channels, one for one, and a last patch of zeros. Rows of neighbours are best given together.
+struct ListRow {
+  const uint32_t* ids;
+  const float* values;
+  size_t count;
+};
+template <size_t Channels, bool Weighted>
+void gatherLists(std::span<const ListRow> rows, const double* b, double (*sums)[Channels]);
 
 }  // namespace farol

@@ -5,6 +5,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
+#include <tbb/parallel_for.h>
 
 namespace farol {
 namespace {
@@ -80,6 +81,7 @@ Reflections HostSweeps::conjugateResiduals(const Channels& r, size_t mostSweeps,
   Reflections result{Channels::Zero(r.rows(), 3), {largest(r), largest(residual)}};
   std::vector<Channels> directions(kDirections), images(kDirections);
   std::array<Spanned, 3> spanned;
+  Field packed(residual);
   const auto dot = [&](Eigen::Index c, const Channels& u, const Channels& v) {
     return u.col(c).cwiseProduct(weights_.col(c)).dot(v.col(c));
   };
@@ -99,8 +101,9 @@ Reflections HostSweeps::conjugateResiduals(const Channels& r, size_t mostSweeps,
     if (result.stuck) break;
     Channels &p = directions[k % kDirections], &image = images[k % kDirections];
     p = residual;
-    image = residual - system_.reflectOnce(Field(residual));
-    for (Eigen::Index c = 0; c < 3; ++c) {
+    packed.assign(residual);
+    image = residual - system_.reflectOnce(packed);
+    tbb::parallel_for(Eigen::Index{0}, Eigen::Index{3}, [&](Eigen::Index c) {
       Spanned& own = spanned[static_cast<size_t>(c)];
       for (size_t j = k < kDirections ? 0 : k + 1 - kDirections; j < k; ++j) {
         const double part = dot(c, images[j % kDirections], image);
@@ -109,7 +112,7 @@ Reflections HostSweeps::conjugateResiduals(const Channels& r, size_t mostSweeps,
         p.col(c) -= part * directions[j % kDirections].col(c);
       }
       const double norm = std::sqrt(dot(c, image, image));
-      if (own.left <= kRounding * std::abs(own.steps.empty() ? own.left : own.steps[0])) continue;  // nothing, or dark
+      if (own.left <= kRounding * std::abs(own.steps.empty() ? own.left : own.steps[0])) return;  // nothing, or dark
       own.add(k, k, norm);
       image.col(c) /= norm;
       p.col(c) /= norm;
@@ -118,7 +121,7 @@ Reflections HostSweeps::conjugateResiduals(const Channels& r, size_t mostSweeps,
       result.sum.col(c) += step * p.col(c);
       residual.col(c) -= step * image.col(c);
       own.left = std::sqrt(dot(c, residual, residual));
-    }
+    });
     result.changes.push_back(largest(residual));
   }
   lookAtRadius();

@@ -1,8 +1,11 @@
 #include "solve/irradiance_error.h"
 
 #include "formfactor/neighbourhood.h"
+#include "solve/gather.h"
+#include "solve/system.h"
 
 #include <Eigen/Dense>
+#include <array>
 #include <tbb/parallel_for.h>
 
 namespace farol {
@@ -19,15 +22,28 @@ std::vector<Rgb> carried(const PatchSet& patches, const DirectLight& direct, con
   return r;
 }
 
-// Variance of one sample of what row i gathers, per channel.
-Rgb sampleVariance(const FormFactorMatrix& f, size_t i, const std::vector<Rgb>& r, const Rgb& sky) {
-  const double missed = f.shares(i).missed;
-  Rgb mean = missed * sky, square = missed * sky * sky;
-  f[i].forEach([&](size_t j, double value) {
-    mean += value * r[j];
-    square += value * (r[j] * r[j]);
+// Variance of one sample of what each row gathers, per channel.
+std::vector<Rgb> sampleVariance(const FormFactorMatrix& f, const DirectLight& direct, const Solution& solution, const std::vector<Rgb>& r,
+                                const Rgb& sky) {
+  Channels squares(static_cast<Eigen::Index>(r.size()), 3);
+  std::vector<size_t> rows(r.size());
+  for (size_t i = 0; i < r.size(); ++i) {
+    rows[i] = i;
+    squares.row(static_cast<Eigen::Index>(i)) << r[i].r * r[i].r, r[i].g * r[i].g, r[i].b * r[i].b;
+  }
+  std::vector<Rgb> variance(r.size());
+  const Field field(std::move(squares));
+  forParts(rows, [&](std::span<const size_t> part, size_t) {
+    std::array<Eigen::RowVector3d, kRowsAtOnce> sums;
+    gather(f, part, field, sums.data());
+    for (size_t k = 0; k < part.size(); ++k) {
+      const size_t i = part[k];
+      const Rgb mean = solution.irradiance[i] - (direct.present() ? direct.irradiance[i] : Rgb(0));
+      const Rgb square = f.shares(i).missed * sky * sky + Rgb(sums[k][0], sums[k][1], sums[k][2]);
+      variance[i] = glm::max(square - mean * mean, Rgb(0));
+    }
   });
-  return glm::max(square - mean * mean, Rgb(0));
+  return variance;
 }
 
 // Adds what errors of other rows bring: sum_h M_gh^2 v_h + (sum_h M_gh b_h)^2 with M = (I - F rho)^-1 - I, between
@@ -38,28 +54,32 @@ void carryOn(const FormFactorMatrix& f, const PatchSet& patches, const Neighbour
              std::span<const uint32_t> probes, std::span<const Rgb> bias, std::vector<Rgb>& variance) {
   const std::vector<uint32_t> groupOf = near.groups(kGroups);
   const auto n = static_cast<Eigen::Index>(1 + *std::max_element(groupOf.begin(), groupOf.end()));
-  for (int c = 0; c < 3; ++c) {
+  std::vector<std::vector<Rgb>> reflected(probes.size(), std::vector<Rgb>(static_cast<size_t>(n), Rgb(0)));  // F rho, by group
+  tbb::parallel_for(size_t{0}, probes.size(), [&](size_t k) {
+    f[probes[k]].forEach([&](size_t j, double value) { reflected[k][groupOf[j]] += value * patches.patches[j].reflectance; });
+  });
+  tbb::parallel_for(0, 3, [&](int c) {
     Eigen::VectorXd area = Eigen::VectorXd::Zero(n), v = area, rows = area, b = area;
     for (size_t i = 0; i < groupOf.size(); ++i) {
       const double a = patches.patches[i].area;
       area[groupOf[i]] += a;
       v[groupOf[i]] += a * a * variance[i][c];
     }
-    if (v.maxCoeff() <= 0) continue;
+    if (v.maxCoeff() <= 0) return;
     v = v.cwiseQuotient(area.cwiseAbs2());
     Eigen::MatrixXd m = Eigen::MatrixXd::Zero(n, n);
     for (size_t k = 0; k < probes.size(); ++k) {
-      const uint32_t p = probes[k];
-      ++rows[groupOf[p]];
-      b[groupOf[p]] += bias[k][c];
-      f[p].forEach([&](size_t j, double value) { m(groupOf[p], groupOf[j]) += value * patches.patches[j].reflectance[c]; });
+      const auto g = static_cast<Eigen::Index>(groupOf[probes[k]]);
+      ++rows[g];
+      b[g] += bias[k][c];
+      for (Eigen::Index h = 0; h < n; ++h) m(g, h) += reflected[k][static_cast<size_t>(h)][c];
     }
     const Eigen::VectorXd share = rows.cwiseMax(1.0).cwiseInverse();
     m = Eigen::MatrixXd::Identity(n, n) - share.asDiagonal() * m;
     const Eigen::MatrixXd carried = m.partialPivLu().inverse() - Eigen::MatrixXd::Identity(n, n);
     const Eigen::VectorXd more = carried.cwiseAbs2() * v + (carried * share.cwiseProduct(b)).cwiseAbs2();
     for (size_t i = 0; i < groupOf.size(); ++i) variance[i][c] += more[groupOf[i]];
-  }
+  });
 }
 
 // Variances from the squares that the nearest replicates show: three parts in the proportions of the law smoothed over
@@ -102,7 +122,8 @@ std::vector<Rgb> irradianceError(const FormFactorMatrix& f, const PatchSet& patc
   std::vector<double> law(n), squares(probes);
   std::vector<Rgb> bias(probes, Rgb(0)), found(probes);
   if (replicates.rows) {
-    tbb::parallel_for(size_t{0}, n, [&](size_t i) { variance[i] = sampleVariance(f, i, r, sky) / samples; });
+    variance = sampleVariance(f, direct, solution, r, sky);
+    for (Rgb& v : variance) v /= samples;
     tbb::parallel_for(size_t{0}, probes, [&](size_t k) {
       const uint32_t p = replicates.patches[k];
       Rgb change = (f.shares(p).missed - replicates.rows->shares(p).missed) * sky;

@@ -162,7 +162,8 @@ Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const Dir
     result.residual = largest(r);
     // One more Jacobi sweep on the residual shows how much a sweep still takes off the slowest part; after Gauss-Seidel,
     // which leaves that part small beside the others, the ratio of its last changes does. Conjugate residuals know.
-    const Contraction found = contractionOn(system, patches, r);
+    Contraction found;
+    if (!krylov || system.bound > 1) found = contractionOn(system, patches, r);
     if (made.stuck) result.kind = SolverKind::gaussSeidel;
     if (system.bound > 1 && result.sweeps >= kFirstLook && change > 0 && change >= result.history[result.history.size() / 2]) {
       // Over two sweeps: rows that are not reciprocal may grow in one and shrink in the next.

@@ -11,6 +11,11 @@ Field::Field(Channels values) : columns_(std::move(values)) {
   pack();
 }
 
+void Field::assign(const Channels& values) {
+  columns_ = values;
+  pack();
+}
+
 void Field::set(Eigen::Index i, const Eigen::RowVector3d& value) {
   columns_.row(i) = value;
   if (alike_ && !(value[0] == value[1] && value[0] == value[2]))
@@ -97,51 +102,66 @@ std::optional<Rgb> System::makeOneColour() {
   return Rgb(tint[0], tint[1], tint[2]);
 }
 
-void System::gather(std::span<const size_t> patches, const Field& b, Eigen::RowVector3d* sums) const {
-  if (b.alike())
-    gatherChannels<1>(patches, b, sums);
-  else
-    gatherChannels<3>(patches, b, sums);
-}
+namespace {
+
+// Rows of one kind among some, and where each belongs.
+template <typename Row>
+struct Kind {
+  std::array<Row, kRowsAtOnce> rows;
+  std::array<size_t, kRowsAtOnce> places;
+  size_t count = 0;
+
+  void add(size_t place, const Row& row) {
+    places[count] = place;
+    rows[count++] = row;
+  }
+  std::span<const Row> all() const { return std::span(rows).first(count); }
+};
 
 template <size_t Count>
-void System::gatherChannels(std::span<const size_t> patches, const Field& b, Eigen::RowVector3d* sums) const {
-  std::array<const float*, kRowsAtOnce> dense;
-  std::array<const uint16_t*, kRowsAtOnce> packed;
-  std::array<size_t, kRowsAtOnce> densePlaces, packedPlaces;
-  size_t denseCount = 0, packedCount = 0;
-  double found[kRowsAtOnce][Count];
-  const auto put = [&](size_t k, const double (&sum)[Count]) {
-    for (size_t c = 0; c < 3; ++c) sums[k][static_cast<Eigen::Index>(c)] = sum[c % Count];
-  };
+void gatherChannels(const FormFactorMatrix& f, std::span<const size_t> patches, const Field& b, Eigen::RowVector3d* sums) {
+  Kind<const float*> dense;
+  Kind<const uint16_t*> packed;
+  Kind<ListRow> entries, hits;  // entries also beside packed rows
   for (size_t k = 0; k < patches.size(); ++k) {
-    const FormFactorRow row = f_[patches[k]];
-    if (!row.dense.empty()) {
-      densePlaces[denseCount] = k;
-      dense[denseCount++] = row.dense.data();
-    } else if (!row.steps.empty()) {
-      packedPlaces[packedCount] = k;
-      packed[packedCount++] = row.steps.data();
-    } else if (!row.values.empty()) {
-      gatherEntries<Count>(row.ids, row.values, b.packed(), found[0]);
-      put(k, found[0]);
-    } else if (!row.ids.empty()) {
-      gatherHits<Count>(row.ids, static_cast<double>(row.weight), b.packed(), found[0]);
-      put(k, found[0]);
-    } else {
-      sums[k].setZero();
+    const FormFactorRow row = f[patches[k]];
+    const ListRow list{row.ids.data(), row.values.data(), row.ids.size()};
+    sums[k].setZero();
+    if (!row.dense.empty())
+      dense.add(k, row.dense.data());
+    else if (!row.steps.empty())
+      packed.add(k, row.steps.data());
+    if (!row.values.empty())
+      entries.add(k, list);
+    else if (!row.ids.empty())
+      hits.add(k, list);
+  }
+  double found[kRowsAtOnce][Count];
+  const auto put = [&](const auto& kind, const auto& weightOf) {
+    for (size_t k = 0; k < kind.count; ++k) {
+      const double weight = weightOf(patches[kind.places[k]]);
+      for (size_t c = 0; c < 3; ++c) sums[kind.places[k]][static_cast<Eigen::Index>(c)] += weight * found[k][c % Count];
     }
-  }
-  if (denseCount > 0) gatherRows<Count, float>(std::span(dense).first(denseCount), b.columns().data(), f_.size(), found);
-  for (size_t k = 0; k < denseCount; ++k) put(densePlaces[k], found[k]);
-  if (packedCount > 0) gatherRows<Count, uint16_t>(std::span(packed).first(packedCount), b.columns().data(), f_.size(), found);
-  for (size_t k = 0; k < packedCount; ++k) {
-    const FormFactorRow row = f_[patches[packedPlaces[k]]];
-    double listed[Count];
-    gatherEntries<Count>(row.ids, row.values, b.packed(), listed);
-    for (size_t c = 0; c < Count; ++c) found[k][c] = static_cast<double>(row.weight) * found[k][c] + listed[c];
-    put(packedPlaces[k], found[k]);
-  }
+  };
+  const auto one = [](size_t) { return 1.0; };
+  const auto own = [&](size_t i) { return static_cast<double>(f[i].weight); };
+  if (dense.count > 0) gatherRows<Count, float>(dense.all(), b.columns().data(), f.size(), found);
+  put(dense, one);
+  if (packed.count > 0) gatherRows<Count, uint16_t>(packed.all(), b.columns().data(), f.size(), found);
+  put(packed, own);
+  gatherLists<Count, true>(entries.all(), b.packed(), found);
+  put(entries, one);
+  gatherLists<Count, false>(hits.all(), b.packed(), found);
+  put(hits, own);
+}
+
+}  // namespace
+
+void gather(const FormFactorMatrix& f, std::span<const size_t> patches, const Field& b, Eigen::RowVector3d* sums) {
+  if (b.alike())
+    gatherChannels<1>(f, patches, b, sums);
+  else
+    gatherChannels<3>(f, patches, b, sums);
 }
 
 template <typename Use>

@@ -22,6 +22,7 @@ inline double largest(const Channels& v) {
 class Field {
  public:
   explicit Field(Channels values);
+  void assign(const Channels& values);
   void set(Eigen::Index i, const Eigen::RowVector3d& value);
   void add(const Channels& change);
   const Channels& columns() const { return columns_; }
@@ -36,6 +37,9 @@ class Field {
   std::vector<double> packed_;
 };
 
+// sum_j F_ij b_j of at most kRowsAtOnce patches, in `sums` one after the other.
+void gather(const FormFactorMatrix& f, std::span<const size_t> patches, const Field& b, Eigen::RowVector3d* sums);
+
 class System {
  public:
   System(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct, const Rgb& sky);
@@ -47,8 +51,7 @@ class System {
   Channels start() const { return emission + reflectance.cwiseProduct(source); }
   const FormFactorMatrix& factors() const { return f_; }
 
-  // sum_j F_ij b_j of patches, in `sums` one after the other.
-  void gather(std::span<const size_t> patches, const Field& b, Eigen::RowVector3d* sums) const;
+  void gather(std::span<const size_t> patches, const Field& b, Eigen::RowVector3d* sums) const { farol::gather(f_, patches, b, sums); }
   Eigen::RowVector3d gather(size_t i, const Field& b) const {
     Eigen::RowVector3d sum;
     gather(std::span(&i, 1), b, &sum);
@@ -74,8 +77,6 @@ class System {
   size_t worstRow = 0;   // where it is reached
 
  private:
-  template <size_t Count>
-  void gatherChannels(std::span<const size_t> patches, const Field& b, Eigen::RowVector3d* sums) const;
   template <typename Use>
   void gatherAll(const Field& b, Use&& use) const;  // use(i, sum) for every reflecting patch, on all cores
 
