@@ -3,6 +3,7 @@
 #include "base/machine.h"
 #include "formfactor/rays.h"
 
+#include <bit>
 #include <numeric>
 #include <tbb/enumerable_thread_specific.h>
 
@@ -147,15 +148,25 @@ Lighting LightingMaker::local(const Scene& scene, const PatchSet& patches) const
   return lighting;
 }
 
+namespace {
+
+// Rays for a row whose errors are to be small beside those of a hemicube's: on the Cornell box's chart rays err by 0.50 K^-0.57,
+// hemicubes by 0.26 s^-0.34 in L1, and a fifth of the error is 4 % of the variance.
+uint32_t raysBeside(double pixels) {
+  const double rays = std::pow(5 * 0.50 / (0.26 * std::pow(pixels, -0.34)), 1 / 0.57);
+  return std::bit_ceil(static_cast<uint32_t>(std::clamp(rays, 4096.0, 65536.0)));
+}
+
+}  // namespace
+
 Replicates replicatesOf(Methods& methods, const PatchSet& patches, const MethodSpec& spec, const FormFactorMatrix& f, size_t probes) {
   Replicates replicates;
   if (spec.kind == MethodSpec::Kind::exact || probes == 0) return replicates;
   const Stopwatch watch;
-  constexpr uint32_t kManyRays = 65536;
   MethodSpec again = spec;
   if (again.hemicubes()) {
     again.kind = MethodSpec::Kind::rays;
-    again.rays = kManyRays;
+    again.rays = raysBeside(samplesOf(spec));
     replicates.better = true;
   }
   replicates.patches = chooseProbes(patches, probes);
