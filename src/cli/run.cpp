@@ -286,21 +286,25 @@ class Run {
   void adapt() {
     const Adapting a = adaptTo(options_, scene_, facets_, *spec_);
     options_.patchSize = report_.options.patchSize = a.size.size;
-    patches_ = buildPatches(scene_, facets_, a.size, a.adapted.tree);
-    methods_.patchesChanged();
-    countPatches();
+    takeAdapted(a);
     report_.clock.finish("adapting");
     if (a.tried == 0) {
       say("patches: {} facets are too many to try smaller ones: all stay as large as --patch-size {}", facets_.facets.size(), options_.patchSize);
       return;
     }
-    report_.adapted = AdaptedReport{a.tried, a.adapted.tree.levels(), a.adapted.error};
     if (a.adapted.error > options_.adapt) {
       log_.warn({"adapt-not-met", fmt::format("the smallest patches are {} times smaller than the largest, and still constant patches are predicted to cost {:.2g} % of H: {:.2g} % was asked for",
                                               1u << PatchTree::kMostLevels, 100 * a.adapted.error, 100 * options_.adapt), {}, a.adapted.error});
     }
     say("patches: {} of {} sizes, from {} of a trial; constant patches are predicted to cost {:.2g} % of H", patches_.size(), a.adapted.tree.levels() + 1, a.tried,
         100 * a.adapted.error);
+  }
+
+  void takeAdapted(const Adapting& a) {
+    patches_ = buildPatches(scene_, facets_, a.size, a.adapted.tree);
+    methods_.patchesChanged();
+    countPatches();
+    if (a.tried > 0) report_.adapted = AdaptedReport{a.tried, a.adapted.tree.levels(), a.adapted.error};
   }
 
   void choosePlan() {
@@ -313,6 +317,18 @@ class Run {
 
   // The options and patches of the plan. With --patches given the patches stay as they are.
   void applyPlan() {
+    applyOptions();
+    if (plan_->adapt > 0) {
+      if (!plan_->adapted) plan_->adapted = adaptTo(options_, scene_, facets_, *spec_);
+      takeAdapted(*plan_->adapted);
+      return;
+    }
+    patches_ = buildPatches(scene_, facets_, patchOptionsOf(options_));
+    methods_.patchesChanged();
+    countPatches();
+  }
+
+  void applyOptions() {
     options_.patchSize = plan_->size.size;
     if (plan_->size.size == 0) options_.patches = plan_->size.count;
     options_.shadowRays = plan_->setting.shadowRays;
@@ -321,10 +337,27 @@ class Run {
     options_.rays = spec_->rays;
     options_.resolution = spec_->resolution;
     options_.positions = spec_->positions;
+    options_.adapt = plan_->adapt;
     report_.options = options_;
-    patches_ = buildPatches(scene_, facets_, patchOptionsOf(options_));
-    methods_.patchesChanged();
-    countPatches();
+  }
+
+  // False, with all as it was, where memory does not hold F as the plan asks for it.
+  bool applyRefined(const TolerancePlan& next) {
+    const TolerancePlan plan = *plan_;
+    PatchSet patches = patches_;
+    plan_ = next;
+    try {
+      applyPlan();
+      chooseStorage(situation_, *spec_);
+      return true;
+    } catch (const Error&) {
+      plan_ = plan;
+      applyOptions();
+      patches_ = std::move(patches);
+      methods_.patchesChanged();
+      countPatches();
+      return false;
+    }
   }
 
   // Chooses, solves, and refines where the estimate of what was reached says so.
@@ -342,7 +375,7 @@ class Run {
       report_.clock.finish("errors");
       if (found.total() <= options_.tolerance || round + 1 == kRounds || !plan_->limitedBy.empty()) break;
       const TolerancePlan next = refined(*plan_, options_, facets_, found);
-      const bool changed = next.size.size != plan_->size.size || next.setting.spec.rays != plan_->setting.spec.rays ||
+      const bool changed = next.size.size != plan_->size.size || next.adapt != plan_->adapt || next.setting.spec.rays != plan_->setting.spec.rays ||
                            next.setting.spec.resolution != plan_->setting.spec.resolution || next.setting.spec.positions != plan_->setting.spec.positions ||
                            next.setting.shadowRays != plan_->setting.shadowRays;
       if (!changed) {
@@ -355,8 +388,10 @@ class Run {
       }
       say("refined: the error is estimated as {:.2g} % (patches {:.2g}, rows {:.2g}, light {:.2g})", 100 * found.total(), 100 * found.patches, 100 * found.rows,
           100 * found.light);
-      plan_ = next;
-      applyPlan();
+      if (!applyRefined(next)) {
+        plan_->limitedBy = "memory";
+        break;
+      }
       report_.checks.reset();
       replicates_ = {};
       lighting_ = {};
@@ -371,7 +406,7 @@ class Run {
 
   ErrorParts errorParts() {
     ErrorParts e;
-    e.patches = patchErrorOf(*f_, patches_, facets_, lighting_).error;
+    e.patches = plan_->adapted ? adaptedPatchErrorOf(*f_, patches_, facets_, lighting_, *plan_->adapted) : patchErrorOf(*f_, patches_, facets_, lighting_).error;
     Replicates none;
     none.patches = replicates_.patches;
     const auto by = [&](const DirectLight& direct) {

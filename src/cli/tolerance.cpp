@@ -69,6 +69,7 @@ class Planner {
       if (fixedPatches() || static_cast<double>(wanted) < kFar * static_cast<double>(tried_) || static_cast<double>(tried_) >= kMostTried) break;
       count = static_cast<size_t>(std::min(kMostTried, static_cast<double>(wanted) / 2));
     }
+    considerAdapting();
     plan_.choosing = watch_.seconds();
     // Rows made again to tell the error, and what no scene is too small for.
     constexpr double kAgain = 1.1, kLeastSeconds = 0.006;
@@ -200,6 +201,38 @@ class Planner {
     plan_.size = fixedPatches() ? PatchOptions{options_.patches, 0} : PatchOptions{0, roundedSize(sizeForPatches(facets_, static_cast<size_t>(patches_)))};
   }
 
+  // Patches as small as their light asks for, where they are predicted to cost so much less that a trial of them pays.
+  void considerAdapting() {
+    constexpr double kWorthATrial = 0.4, kWorth = 0.7;  // [s]; of the time by patches of one size
+    constexpr double kShare = 0.65;  // of the error that patches cost: its square and the samples' are about alike
+    const bool free = options_.command != Command::factors && options_.variants.empty() && options_.patchSize == 0 && !fixedPatches();
+    const bool limited = plan_.limitedBy == "memory" || plan_.limitedBy == "time";  // what was chosen does not meet the tolerance
+    const double most = limited ? allowedSeconds() : kWorth * plan_.seconds;
+    if (!free || (limited ? most : plan_.seconds) < kWorthATrial) return;
+    Options options = options_;
+    options.adapt = std::stod(fmt::format("{:.2g}", kShare * kMargin * tolerance_));
+    options.residual = plan_.setting.residual;
+    const Adapting a = adaptTo(options, scene_, facets_, plan_.setting.spec);
+    const auto n = static_cast<double>(a.adapted.patches);
+    if (a.tried == 0 || a.adapted.error > options.adapt || (wantsPicture(options_) && n < static_cast<double>(kPicturePatches))) return;
+    Setting s = trialSetting_;
+    s.residual = plan_.setting.residual;
+    setSamples(s, std::sqrt(std::pow(kMargin * tolerance_, 2) - std::pow(options.adapt, 2) - s.residual * s.residual));
+    const double seconds = secondsFor(n, s);
+    ErrorParts predicted = errorFor(n, s);
+    predicted.patches = options.adapt;
+    if (seconds > most || predicted.total() > tolerance_ || storageFor(n, s) > static_cast<double>(allowedBytes(options_))) return;
+    ofOneSize_ = patches_;
+    patches_ = n;
+    plan_.size = a.size;
+    plan_.adapt = options.adapt;
+    plan_.adapted = a;
+    plan_.setting = s;
+    plan_.seconds = seconds;
+    plan_.predicted = predicted;
+    plan_.limitedBy.clear();
+  }
+
   // Rows and shadow rays share what the patches leave of the error so that a sample more of either is worth the same.
   void setSamples(Setting& s, double left) const {
     if (wantsPicture(options_) && !fixedSamples() && s.spec.kind == Kind::rays) s.spec.rays = kPictureRays;
@@ -227,10 +260,14 @@ class Planner {
     return channels_ * fronts_ * n * row;
   }
 
+  double allowedSeconds() const {
+    constexpr double kShare = 0.8, kLeast = 0.2;  // loading, errors and files take their part, and the trials took theirs
+    return options_.time > 0 ? std::max(kLeast * options_.time, kShare * options_.time - watch_.seconds()) : 1e300;
+  }
+
   // Less of everything until the time is enough.
   void limitTime(Setting& s, double& seconds) {
-    constexpr double kShare = 0.8, kLeast = 0.2;  // loading, errors and files take their part, and the trials took theirs
-    const double allowed = std::max(kLeast * options_.time, kShare * options_.time - watch_.seconds());
+    const double allowed = allowedSeconds();
     while (seconds > allowed && patches_ > 50) {
       if (!fixedPatches()) patches_ /= 1.1;
       if (!fixedSamples()) scaleSamples(s.spec, 1 / 1.1);
@@ -253,10 +290,15 @@ class Planner {
     const auto percent = [](double x) { return fmt::format("{:.2g} %", 100 * x); };
     plan_.choices.clear();
     const char* given = "given";
-    plan_.choices.push_back({"patches", fixedPatches() ? fmt::format("{}", options_.patches) : fmt::format("--patch-size {} (about {:.0f})", plan_.size.size, patches_),
+    if (plan_.adapted) {
+      plan_.choices.push_back({"patches", fmt::format("--adapt {} --patch-size {} (about {:.0f} of {} sizes)", plan_.adapt, plan_.size.size, patches_, plan_.adapted->adapted.tree.levels() + 1),
+                               fmt::format("constant patches cost {}; of one size it would take about {:.0f}", percent(e.patches), ofOneSize_)});
+    } else {
+      plan_.choices.push_back({"patches", fixedPatches() ? fmt::format("{}", options_.patches) : fmt::format("--patch-size {} (about {:.0f})", plan_.size.size, patches_),
                              fixedPatches() ? given
                                             : fmt::format("constant patches cost {} of H's mean, from {} at {} patches{}", percent(e.patches), percent(patchError_.error), tried_,
                                                           wantsPicture(options_) && patches_ < 1.01 * kPicturePatches ? "; a picture wants 4000 or more" : "")});
+    }
     plan_.choices.push_back({"method", methodText(s.spec),
                              fixedSamples() ? given : fmt::format("sampling rows costs {}, from {} by {}", percent(e.rows), percent(rowError_), methodText(trialSetting_.spec))});
     if (lightError_ > 0) {
@@ -275,7 +317,7 @@ class Planner {
   Setting trialSetting_;
   Costs costs_;
   size_t tried_ = 0;
-  double patches_ = 0;
+  double patches_ = 0, ofOneSize_ = 0;
   PatchSizeError patchError_;
   double rowError_ = 0, lightError_ = 0, shadowShare_ = 0, channels_ = 1, fronts_ = 1, sweeps_ = 10;
 };
@@ -295,6 +337,15 @@ PatchSizeError patchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, 
   return {twice / (std::pow(2, order) - 1), order};
 }
 
+double adaptedPatchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting, const Adapting& adapting) {
+  const JoinedSiblings siblings = joinSiblings(patches, facets, adapting.adapted.tree.levels());
+  const auto n = static_cast<double>(patches.size()), together = n - static_cast<double>(siblings.alone);
+  if (together == 0) return adapting.adapted.error;
+  // Those alone cost about as much each: to make all patches alike is what the tree is for.
+  const double seen = joiningError(f, patches, lighting.direct, lighting.solution, siblings.joined).relative;
+  return seen * std::sqrt(n / together) / (std::pow(2, adapting.order) - 1);
+}
+
 TolerancePlan planFor(const Options& options, const Scene& scene, const FacetSet& facets, const MethodSpec& method) {
   return Planner(options, scene, facets, method).plan();
 }
@@ -308,7 +359,10 @@ TolerancePlan refined(const TolerancePlan& plan, const Options& options, const F
   if (!rowsFixed && found.rows > kWorth * found.total()) scaleSamples(next.setting.spec, std::pow(over, 1 / orderOf(plan.setting.spec)) * 1.1);
   if (!options.gave("--shadow-rays") && found.light > kWorth * found.total())
     next.setting.shadowRays = static_cast<uint32_t>(std::min(65536.0, std::ceil(plan.setting.shadowRays * std::pow(over, 1 / kSampleOrder) * 1.1 / 8) * 8));
-  if (!options.gave("--patches") && found.patches > kWorth * found.total()) {
+  if (plan.adapted && found.patches > kWorth * found.total()) {
+    next.adapt = std::stod(fmt::format("{:.2g}", plan.adapt / over / 1.05));
+    next.adapted.reset();
+  } else if (!options.gave("--patches") && !plan.adapted && found.patches > kWorth * found.total()) {
     constexpr double kOrder = 1.5;
     const double smaller = std::pow(over, -1 / kOrder) / 1.05;
     next.size.size = plan.size.size > 0 ? plan.size.size * smaller : sizeForPatches(facets, plan.size.count) * smaller;

@@ -2,7 +2,7 @@
 // at hand.
 #pragma once
 
-#include "cli/trials.h"
+#include "cli/adapting.h"
 
 namespace farol {
 
@@ -19,6 +19,8 @@ struct Choice {
 
 struct TolerancePlan {
   PatchOptions size;
+  double adapt = 0;                 // as --adapt takes it; 0: patches of one size
+  std::optional<Adapting> adapted;  // the patches of that
   Setting setting;
   std::vector<Choice> choices;
   ErrorParts predicted;
@@ -37,7 +39,10 @@ struct PatchSizeError {
 };
 PatchSizeError patchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting);
 
-// The same plan with its samples and patches raised where `found` exceeds the tolerance.
+// The same for patches of several sizes, from those that have three siblings of their size, by the order that the trial has shown.
+double adaptedPatchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting, const Adapting& adapting);
+
+// The same plan with its samples and patches raised where `found` exceeds the tolerance; patches are to be adapted anew.
 TolerancePlan refined(const TolerancePlan& plan, const Options& options, const FacetSet& facets, const ErrorParts& found);
 
 }  // namespace farol

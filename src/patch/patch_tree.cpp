@@ -1,9 +1,17 @@
 #include "patch/patch_tree.h"
 
 #include <algorithm>
+#include <bit>
 #include <unordered_map>
 
 namespace farol {
+namespace {
+
+uint64_t keyOf(uint32_t facet, bool back, uint32_t level, uint32_t cell) {
+  return uint64_t{level} << 60 | uint64_t{2 * facet + (back ? 1u : 0u)} << 32 | cell;
+}
+
+}  // namespace
 
 void PatchTree::split(uint32_t facet, bool back, uint32_t level, uint32_t cell) {
   split_.insert(keyOf(facet, back, level, cell));
@@ -27,12 +35,44 @@ std::vector<uint32_t> PatchTree::cellMap(const PatchSet& cells, const FacetSet& 
   return map;
 }
 
+bool PatchTree::isSplit(uint32_t facet, bool back, uint32_t level, uint32_t cell) const {
+  return split_.contains(keyOf(facet, back, level, cell));
+}
+
 PatchSet buildPatches(const Scene& scene, const FacetSet& facets, PatchOptions options, const PatchTree& tree) {
   if (tree.levels() == 0) return buildPatches(scene, facets, options);
   options.levels = tree.levels();
   PatchSet patches = buildPatches(scene, facets, options);
   mapCells(patches, scene, facets, tree.cellMap(patches, facets, options.levels));
   return patches;
+}
+
+JoinedSiblings joinSiblings(const PatchSet& patches, const FacetSet& facets, uint32_t levels) {
+  struct Family {
+    uint32_t number, members = 0;
+  };
+  constexpr uint32_t kWhole = 4;
+  std::unordered_map<uint64_t, Family> families;
+  std::vector<uint64_t> keys(patches.size());
+  for (uint32_t p = 0; p < keys.size(); ++p) {
+    const auto halvings = static_cast<uint32_t>(std::countr_zero(patches.cellsOf(p).size())) / 2;
+    if (halvings >= levels) continue;  // of the largest: without siblings
+    const Cell& cell = patches.cells[patches.cellsOf(p)[0]];
+    const uint32_t parent = coarserCell(patches.grids[cell.facet], facets.facets[cell.facet].parallelogram, cell, halvings + 1);
+    keys[p] = keyOf(cell.facet, cell.back, levels - halvings, parent);
+    ++families.try_emplace(keys[p], Family{kNone}).first->second.members;
+  }
+  JoinedSiblings result{std::vector<uint32_t>(patches.size()), 0};
+  uint32_t next = 0;
+  for (uint32_t p = 0; p < keys.size(); ++p) {
+    const auto family = families.find(keys[p]);
+    const bool whole = family != families.end() && family->second.members == kWhole;
+    if (!whole) ++result.alone;
+    if (!whole || family->second.number == kNone) result.joined[p] = next++;
+    if (whole && family->second.number == kNone) family->second.number = result.joined[p];
+    if (whole) result.joined[p] = family->second.number;
+  }
+  return result;
 }
 
 }  // namespace farol

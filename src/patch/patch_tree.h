@@ -14,22 +14,24 @@ class PatchTree {
 
   uint32_t levels() const { return levels_; }  // of the grid on which the smallest patches are cells
   void split(uint32_t facet, bool back, uint32_t level, uint32_t cell);
-  bool isSplit(uint32_t facet, bool back, uint32_t level, uint32_t cell) const {
-    return split_.contains(keyOf(facet, back, level, cell));
-  }
+  bool isSplit(uint32_t facet, bool back, uint32_t level, uint32_t cell) const;
 
   // Of patches made with PatchOptions::levels of `levels`, at least levels(). Fronts come first.
   std::vector<uint32_t> cellMap(const PatchSet& cells, const FacetSet& facets, uint32_t levels) const;
 
  private:
-  static uint64_t keyOf(uint32_t facet, bool back, uint32_t level, uint32_t cell) {
-    return uint64_t{level} << 60 | uint64_t{2 * facet + (back ? 1u : 0u)} << 32 | cell;
-  }
   std::unordered_set<uint64_t> split_;
   uint32_t levels_ = 0;
 };
 
 // Patches of the sizes that a tree says, on a grid of its levels; where it splits nothing, as the options say.
 PatchSet buildPatches(const Scene& scene, const FacetSet& facets, PatchOptions options, const PatchTree& tree);
+
+// Patches of a tree of so many levels, joined with their three siblings where all of them are patches.
+struct JoinedSiblings {
+  std::vector<uint32_t> joined;  // [patches] the number of what a patch becomes part of, from 0 without gaps
+  size_t alone = 0;              // patches that stay as they are
+};
+JoinedSiblings joinSiblings(const PatchSet& patches, const FacetSet& facets, uint32_t levels);
 
 }  // namespace farol

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <numeric>
 #include <queue>
-#include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 #include <unordered_map>
 
@@ -57,19 +56,22 @@ void addCosts(const FormFactorMatrix& f, const PatchSet& patches, const std::vec
     change[i] = nodeArea[g] > 0 ? (b[i] - mean[g] / nodeArea[g]) / glm::max(meanH, Rgb(1e-300)) : Rgb(0);
     noise[g] += area[i] * change[i] * change[i] / samples;
   }
-  struct Sums {
-    std::vector<Rgb> row, squares;
-  };
-  tbb::enumerable_thread_specific<Sums> perThread([&] { return Sums{std::vector<Rgb>(count, Rgb(0)), std::vector<Rgb>(count, Rgb(0))}; });
-  tbb::parallel_for(size_t{0}, n, [&](size_t i) {
-    Sums& s = perThread.local();
-    f[i].forEach([&](size_t k, double value) { s.row[level.nodeOf[k]] += value * change[k]; });
-    for (size_t g = 0; g < count; ++g) s.squares[g] += area[i] * s.row[g] * s.row[g];
-    std::fill(s.row.begin(), s.row.end(), Rgb(0));
+  // In parts that do not depend on threads: the least difference may decide what is split.
+  constexpr size_t kParts = 32;
+  std::vector<std::vector<Rgb>> ofPart(kParts, std::vector<Rgb>(count, Rgb(0)));
+  tbb::parallel_for(size_t{0}, kParts, [&](size_t part) {
+    std::vector<Rgb> row(count, Rgb(0));
+    for (size_t i = part * n / kParts; i < (part + 1) * n / kParts; ++i) {
+      f[i].forEach([&](size_t k, double value) { row[level.nodeOf[k]] += value * change[k]; });
+      for (size_t g = 0; g < count; ++g) {
+        ofPart[part][g] += area[i] * row[g] * row[g];
+        row[g] = Rgb(0);
+      }
+    }
   });
   std::vector<Rgb> squares(count, Rgb(0));
-  for (const Sums& s : perThread) {
-    for (size_t g = 0; g < count; ++g) squares[g] += s.squares[g];
+  for (const std::vector<Rgb>& sums : ofPart) {
+    for (size_t g = 0; g < count; ++g) squares[g] += sums[g];
   }
   for (size_t g = 0; g < count; ++g) level.nodes[g].cost = std::max(0.0, maxChannel(squares[g] - noise[g])) / std::max(total, 1e-300);
 }

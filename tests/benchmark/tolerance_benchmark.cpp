@@ -3,13 +3,16 @@
 // the same error by the same measure.
 // farol_tolerance [seconds of reference at most, of chart, smallest tolerance, SCENE...]; works in a folder of its own.
 #include "base/error.h"
+#include "cli/adapting.h"
 #include "reference/gathering.h"
 #include "test_scene.h"
 #include "whole_process.h"
 
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 using namespace farol;
 using namespace farol::benchmark;
@@ -18,15 +21,21 @@ using test::TemporaryFolder;
 
 namespace {
 
-// One scene and references on the patch sizes that were asked about.
+// What follows an option, or nothing.
+std::string textAfter(const std::string& command, const std::string& option) {
+  const size_t at = command.find(option);
+  return at == std::string::npos ? "" : command.substr(at, command.find(' ', at + option.size()) - at);
+}
+
+// One scene and references on the patches that were asked about.
 class Judge {
  public:
   explicit Judge(const std::string& path) : log_(true), scene_(loadScene(path, log_)), facets_(buildFacets(scene_, log_)), tracer_(facets_) {}
 
-  // Of the H of a --patches-csv file, on patches of this size.
-  HError judge(const std::string& csv, const PatchOptions& size, double tolerance, double seconds) {
-    auto& known = known_[size.size > 0 ? fmt::format("{}", size.size) : fmt::format("#{}", size.count)];
-    if (!known) known = std::make_unique<Known>(Known{buildPatches(scene_, facets_, size), {}, 0});
+  // Of the H of a --patches-csv file, on the patches of a command that repeats the run.
+  HError judge(const std::string& csv, const std::string& command, double tolerance, double seconds) {
+    auto& known = known_[textAfter(command, "--patch-size ") + textAfter(command, "--patches ") + textAfter(command, "--adapt ") + textAfter(command, "--seed ")];
+    if (!known) known = std::make_unique<Known>(Known{patchesOf(command), {}, 0});
     PatchSet& patches = known->patches;
     std::vector<Rgb> h(patches.size(), Rgb(0));
     const auto lines = test::readCsv(csv);
@@ -53,6 +62,19 @@ class Judge {
     for (size_t i = known.patches.frontPatchCount; i < fronts.exposed.size(); ++i) fronts.exposed[i] = 0;
     return errorOf(h, known.patches, fronts);
   }
+  PatchSet patchesOf(const std::string& command) const {
+    std::istringstream words(command);
+    std::vector<std::string> arguments{std::istream_iterator<std::string>(words), {}};
+    std::vector<char*> argv;
+    for (std::string& a : arguments) argv.push_back(a.data());
+    bool handled = false;
+    const Options o = parseOptions(static_cast<int>(argv.size()), argv.data(), handled);
+    if (o.adapt == 0) return buildPatches(scene_, facets_, {o.patches, o.patchSize});
+    MethodSpec method;
+    method.seed = o.seed;
+    const Adapting a = adaptTo(o, scene_, facets_, method);
+    return buildPatches(scene_, facets_, a.size, a.adapted.tree);
+  }
   GatheredIrradiance gather(const PatchSet& patches, double seconds) const {
     const LampPlan lamps = chooseLamps(facets_, patches, {});
     const PathGatherer gatherer(tracer_, facets_, patches, scene_, lamps, Rgb(0), {});
@@ -66,16 +88,6 @@ class Judge {
   Tracer tracer_;
   std::map<std::string, std::unique_ptr<Known>> known_;
 };
-
-PatchOptions sizeIn(const std::string& command) {
-  PatchOptions size{0, 0};
-  const auto after = [&](const std::string& name) { return command.substr(command.find(name) + name.size()); };
-  if (command.find("--patch-size ") != std::string::npos)
-    size.size = std::stod(after("--patch-size "));
-  else
-    size.count = std::stoull(after("--patches "));
-  return size;
-}
 
 // The options of settings on the chart that reach an error there, fastest first. A chart compares patches of all sizes on common
 // cells, which evens noise out: on its own patches a setting may be worse.
@@ -126,8 +138,8 @@ int main(int argc, char** argv) {
         if (status != 0 && WEXITSTATUS(status) != 3) throw Error("farol solve {} failed", scene);
         const json r = json::parse(test::readText(report));
         const std::string command = r["equivalent_command"];
-        chosen = fmt::format("{} patches, {}", r["counts"]["patches"].get<int>(), command.substr(command.find("--method "), command.find(" --max-depth") - command.find("--method ")));
-        const HError e = judge.judge(csv, sizeIn(command), tolerance, most);
+        chosen = fmt::format("{} patches{}, {}", r["counts"]["patches"].get<int>(), r.contains("adapted") ? " of several sizes" : "", command.substr(command.find("--method "), command.find(" --max-depth") - command.find("--method ")));
+        const HError e = judge.judge(csv, command, tolerance, most);
         mean += e.error / kSeeds;
         largest = std::max(largest, e.error);
         noise = std::max(noise, e.noise);
@@ -141,7 +153,7 @@ int main(int argc, char** argv) {
         const std::string command = fmt::format("{} solve {} {} --patches-csv {} --report {} --quiet 2> /dev/null", FAROL_PROGRAM, scene, option, csv, report);
         medianSeconds(command, 1);
         const std::string equivalent = json::parse(test::readText(report))["equivalent_command"];
-        if (judge.judge(csv, sizeIn(equivalent), tolerance, most).error > tolerance) continue;
+        if (judge.judge(csv, equivalent, tolerance, most).error > tolerance) continue;
         fixed = option;
         best = medianSeconds(command, kSeeds);
         break;

@@ -1,5 +1,5 @@
 // --adapt: patches of different sizes against patches of one size, on the same fine solution.
-#include "cli/adapting.h"
+#include "cli/tolerance.h"
 #include "program.h"
 #include "test_scene.h"
 
@@ -28,11 +28,13 @@ class LRoom {
 
   PatchSet fine() const { return buildPatches(scene_, facets_, {0, adapting_.size.size, kFine}); }
   const FacetSet& facets() const { return facets_; }
+  const Adapting& adapting() const { return adapting_; }
   const AdaptedPatches& adapted() const { return adapting_.adapted; }
   SizedScene ofTree() const { return {options_, scene_, facets_, adapting_.size, adapting_.adapted.tree}; }
   SizedScene ofLevel(uint32_t level) const { return {options_, scene_, facets_, {0, adapting_.size.size, level}}; }
 
-  std::vector<Rgb> solved(SizedScene& s) const { return s.solve(setting_).lighting.solution.irradiance; }
+  Trial trialOf(SizedScene& s) const { return s.solve(setting_); }
+  std::vector<Rgb> solved(SizedScene& s) const { return trialOf(s).lighting.solution.irradiance; }
 
   // Relative error of H of patches at `levels` halvings against means of the finest ones over them.
   double errorOf(const PatchSet& patches, uint32_t levels, const std::vector<Rgb>& h, const PatchSet& fineSet, const std::vector<Rgb>& fineH) const {
@@ -74,13 +76,19 @@ TEST(Adapting, NeedsFewerPatchesForTheSameError) {
   ASSERT_LE(room.adapted().tree.levels(), LRoom::kFine);
   SizedScene fine = room.ofLevel(LRoom::kFine), tree = room.ofTree(), uniform = room.ofLevel(2);
   const std::vector<Rgb> h = room.solved(fine);
-  const double adapted = room.errorOf(tree.patches(), room.adapted().tree.levels(), room.solved(tree), fine.patches(), h);
+  const Trial ofTree = room.trialOf(tree);
+  const double adapted = room.errorOf(tree.patches(), room.adapted().tree.levels(), ofTree.lighting.solution.irradiance, fine.patches(), h);
   const double ofOneSize = room.errorOf(uniform.patches(), 2, room.solved(uniform), fine.patches(), h);
   fmt::print("{} adapted patches: {:.2f} % of H; {} of one size: {:.2f} %\n", tree.patches().size(), 100 * adapted, uniform.patches().size(), 100 * ofOneSize);
   EXPECT_EQ(tree.patches().size(), room.adapted().patches);
   EXPECT_LT(tree.patches().size(), 1.3 * static_cast<double>(uniform.patches().size()));
   EXPECT_LT(adapted, 0.7 * ofOneSize);
   EXPECT_LT(adapted, 0.015);
+  // The finished run tells it, too: all but what rays scatter.
+  const double told = adaptedPatchErrorOf(ofTree.f, tree.patches(), room.facets(), ofTree.lighting, room.adapting());
+  fmt::print("told {:.2f} %\n", 100 * told);
+  EXPECT_GT(told, 0.5 * adapted);
+  EXPECT_LT(told, 1.6 * adapted);
 }
 
 // Areas times H of a run's patches, by surface.

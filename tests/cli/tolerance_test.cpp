@@ -159,6 +159,24 @@ TEST_F(Tolerance, IsTheDefaultAndItsCommandRepeatsTheBytes) {
   EXPECT_FALSE(report().contains("tolerance"));
 }
 
+// The L-shaped room by patches of one size would take some 70,000.
+TEST_F(Tolerance, AdaptsPatchesWhereThatPays) {
+  const std::string room = FAROL_SCENES "/l_room/l_room.gltf";
+  const Outcome o = solve(room, "--tolerance 0.002");
+  ASSERT_EQ(o.exitCode, 0) << o.err;
+  const json r = report();
+  EXPECT_GT(r["options"]["adapt"].get<double>(), 0);
+  EXPECT_TRUE(r.contains("adapted"));
+  EXPECT_LT(r["counts"]["patches"].get<int>(), 40000);
+  EXPECT_NEAR(r["tolerance"]["estimated_error"]["patches"].get<double>(), r["options"]["adapt"].get<double>(), 0.4 * r["options"]["adapt"].get<double>());
+  const std::string csv = readText(path("p.csv"));
+  ASSERT_EQ(farol(r["equivalent_command"].get<std::string>().substr(6)).exitCode, 0);
+  EXPECT_EQ(readText(path("p.csv")), csv);
+  // Where memory does not hold patches of one size, too.
+  ASSERT_EQ(solve(room, "--tolerance 0.003 --memory 200M").exitCode, 0);
+  EXPECT_GT(report()["options"]["adapt"].get<double>(), 0);
+}
+
 TEST_F(Tolerance, KeepsWhatIsGiven) {
   ASSERT_EQ(solve(kCornell, "--tolerance 0.05 --patches 300").exitCode, 0);
   EXPECT_EQ(report()["options"]["patches"], 300);

@@ -188,6 +188,21 @@ TEST(Patches, OfATreeCoverTheirFacets) {
     EXPECT_EQ(found.count(16), 3u) << surface;
     EXPECT_EQ(found.count(4), 4u) << surface;
   }
+  // Four siblings become their parent; what has a split sibling stays.
+  const JoinedSiblings siblings = joinSiblings(patches, cut.facets, 2);
+  EXPECT_EQ(siblings.alone, 6u);
+  std::map<uint32_t, std::pair<size_t, double>> joined;
+  for (uint32_t p = 0; p < patches.size(); ++p) {
+    auto& [count, area] = joined[siblings.joined[p]];
+    ++count;
+    area += patches.patches[p].area / (patches.patches[p].surface == 0 ? 1.0 : 0.5);
+  }
+  ASSERT_EQ(joined.size(), 8u);
+  EXPECT_EQ(joined.rbegin()->first, 7u);
+  for (const auto& [number, family] : joined) {
+    EXPECT_TRUE(family.first == 1 || family.first == 4) << number;
+    EXPECT_NEAR(family.second, 0.25, 1e-12) << number;
+  }
 }
 
 // Facets of a ball are gathered; those of the floor, which are larger than a patch, and of a lamp are not.
