@@ -3,6 +3,8 @@
 #include "cli/choices.h"
 #include "cli/tolerance.h"
 
+#include <bit>
+
 namespace farol {
 
 Adapting adaptTo(const Options& options, const Scene& scene, const FacetSet& facets, const MethodSpec& method) {
@@ -11,8 +13,8 @@ Adapting adaptTo(const Options& options, const Scene& scene, const FacetSet& fac
   Adapting result;
   result.size = {0, options.patchSize > 0 ? options.patchSize : std::stod(fmt::format("{:.3g}", sizeForPatches(facets, facets.facets.size())))};
   // Rays so many that their noise is little beside what is asked for.
-  const double few = std::clamp(10.0 / options.adapt, 256.0, 8192.0);
-  const auto rays = static_cast<uint32_t>(few / 16) * 16;
+  const double few = std::clamp(10.0 / options.adapt, 256.0, 6000.0);
+  const uint32_t rays = std::bit_floor(static_cast<uint32_t>(1.4 * few));
   const size_t largest = buildPatches(scene, facets, result.size).size();
   const auto fits = [&](size_t patches) {
     return patches <= kMostTried && static_cast<double>(patches) * std::min(4.0 * rays, 2.0 * static_cast<double>(patches)) < static_cast<double>(allowedBytes(options));

@@ -173,7 +173,7 @@ TEST_F(Tolerance, AdaptsPatchesWhereThatPays) {
   ASSERT_EQ(farol(r["equivalent_command"].get<std::string>().substr(6)).exitCode, 0);
   EXPECT_EQ(readText(path("p.csv")), csv);
   // Where memory does not hold patches of one size, too.
-  ASSERT_EQ(solve(room, "--tolerance 0.003 --memory 200M").exitCode, 0);
+  ASSERT_EQ(solve(room, "--tolerance 0.003 --memory 300M").exitCode, 0);
   EXPECT_GT(report()["options"]["adapt"].get<double>(), 0);
 }
 
