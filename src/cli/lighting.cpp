@@ -151,9 +151,9 @@ Lighting LightingMaker::local(const Scene& scene, const PatchSet& patches) const
 namespace {
 
 // Rays for a row whose errors are to be small beside those of a hemicube's: on the Cornell box's chart rays err by 0.50 K^-0.57,
-// hemicubes by 0.26 s^-0.34 in L1, and a fifth of the error is 4 % of the variance.
+// hemicubes by 0.26 s^-0.34 in L1, and a seventh of the error is 2 % of the variance.
 uint32_t raysBeside(double pixels) {
-  const double rays = std::pow(5 * 0.50 / (0.26 * std::pow(pixels, -0.34)), 1 / 0.57);
+  const double rays = std::pow(7 * 0.50 / (0.26 * std::pow(pixels, -0.34)), 1 / 0.57);
   return std::bit_ceil(static_cast<uint32_t>(std::clamp(rays, 4096.0, 65536.0)));
 }
 
