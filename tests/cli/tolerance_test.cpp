@@ -2,6 +2,7 @@
 #include "program.h"
 #include "test_scene.h"
 
+#include <bit>
 #include <cmath>
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -150,6 +151,8 @@ TEST_F(Tolerance, IsTheDefaultAndItsCommandRepeatsTheBytes) {
   const json r = report();
   EXPECT_EQ(r["tolerance"]["asked"], 0.01);
   EXPECT_GE(r["tolerance"]["choices"].size(), 3u);
+  const auto rays = r["options"]["rays"].get<uint32_t>();
+  EXPECT_TRUE(std::has_single_bit(rays) || (rays % 3 == 0 && std::has_single_bit(rays / 3))) << rays << " rays are not spread evenly";
   const std::string csv = readText(path("p.csv"));
   const Outcome again = farol(r["equivalent_command"].get<std::string>().substr(6));
   ASSERT_EQ(again.exitCode, 0) << again.err;
