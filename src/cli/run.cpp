@@ -344,6 +344,7 @@ class Run {
   // False, with all as it was, where memory does not hold F as the plan asks for it.
   bool applyRefined(const TolerancePlan& next) {
     const TolerancePlan plan = *plan_;
+    const auto adapted = report_.adapted;
     PatchSet patches = patches_;
     plan_ = next;
     try {
@@ -353,6 +354,7 @@ class Run {
     } catch (const Error&) {
       plan_ = plan;
       applyOptions();
+      report_.adapted = adapted;
       patches_ = std::move(patches);
       methods_.patchesChanged();
       countPatches();

@@ -12,7 +12,8 @@ using Kind = MethodSpec::Kind;
 
 // Predictions aim below the tolerance: estimates scatter.
 constexpr double kMargin = 0.78;
-// Errors fall with pixels to this power, and with rays from one power of two to the next: 0.65 to 0.74 on the supplied rooms.
+// Errors fall with pixels to this power, and with rays from one power of two to the next: 0.65 to 0.74 in the
+// Cornell box and the L-shaped room of 800 to 8,000 patches.
 constexpr double kHemicubeOrder = 0.5, kRayOrder = 0.65;
 constexpr size_t kProbes = 384;
 constexpr uint32_t kMostRays = 1u << 16, kLeastShadowRays = 8;
@@ -22,13 +23,14 @@ constexpr uint32_t kPictureRays = 256;
 
 double orderOf(const MethodSpec& spec) { return spec.kind == Kind::rays ? kRayOrder : kHemicubeOrder; }
 
-// Sobol's points are spread evenly in powers of two of them: in the L-shaped room 2,048 rays per patch err by 0.13 %, 2,000 by
-// 0.20 %. Half as many again are worth a quarter more, and other numbers are not worth their time.
+// Sobol's points are spread evenly in powers of two of them (the test PowersOfTwoAreWorthMore prints by how much). Half as many
+// again are worth a quarter more, and other numbers are not worth their time: the first such number that is worth so much.
 uint32_t evenCount(double worth, uint32_t least, uint32_t most) {
   uint32_t count = least;
   while (count < most && count < worth) count *= 2;
   return count >= 2 * least && 0.625 * count >= worth ? count / 4 * 3 : count;
 }
+// The power of two that it errs like, on the straight line to the next.
 double worthOf(double count) {
   const double power = std::exp2(std::floor(std::log2(count)));
   return power * (1 + 0.5 * (count / power - 1));
@@ -57,7 +59,7 @@ double worthOf(const MethodSpec& spec) { return spec.kind == Kind::rays ? worthO
 bool wantsPicture(const Options& o) { return o.command == Command::render || !o.output.empty(); }
 
 struct Costs {
-  double perRow = 0, perSample = 0, perShadowRay = 0, perEntry = 0;  // [s]
+  double perSample = 0, perShadowRay = 0, perEntry = 0;  // [s]
 };
 
 class Planner {
@@ -228,7 +230,9 @@ class Planner {
     options.residual = plan_.setting.residual;
     const Adapting a = adaptTo(options, scene_, facets_, plan_.setting.spec);
     const auto n = static_cast<double>(a.adapted.patches);
-    if (a.tried == 0 || a.adapted.error > options.adapt || (wantsPicture(options_) && n < static_cast<double>(kPicturePatches))) return;
+    constexpr size_t kMostCells = size_t{1} << 23;  // the grid of the smallest patches is as large as that over all
+    const bool deep = buildPatches(scene_, facets_, a.size).size() << 2 * a.adapted.tree.levels() > kMostCells;
+    if (a.tried == 0 || deep || a.adapted.error > options.adapt || (wantsPicture(options_) && n < static_cast<double>(kPicturePatches))) return;
     Setting s = trialSetting_;
     s.residual = plan_.setting.residual;
     setSamples(s, std::sqrt(std::pow(kMargin * tolerance_, 2) - std::pow(options.adapt, 2) - s.residual * s.residual));

@@ -22,7 +22,8 @@ std::vector<Rgb> carried(const PatchSet& patches, const DirectLight& direct, con
   return r;
 }
 
-// Variance of one sample of what each row gathers, per channel.
+// Variance of one sample of what each row gathers, per channel, around what was gathered: the irradiance without direct light. (Of
+// channels with an F of their own it holds for that which f is of.)
 std::vector<Rgb> sampleVariance(const FormFactorMatrix& f, const DirectLight& direct, const Solution& solution, const std::vector<Rgb>& r,
                                 const Rgb& sky) {
   Channels squares(static_cast<Eigen::Index>(r.size()), 3);

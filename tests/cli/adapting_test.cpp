@@ -91,6 +91,36 @@ TEST(Adapting, NeedsFewerPatchesForTheSameError) {
   EXPECT_LT(told, 1.6 * adapted);
 }
 
+// What a tolerance builds on when it chooses numbers of rays: between powers of two little is gained.
+TEST(Adapting, PowersOfTwoAreWorthMore) {
+  const LRoom room;
+  SizedScene grid = room.ofLevel(3);
+  const auto solvedBy = [&](uint32_t rays) {
+    Setting setting;
+    setting.spec.rays = rays;
+    setting.shadowRays = 256;
+    return grid.solve(setting).lighting.solution.irradiance;
+  };
+  const std::vector<Rgb> truth = solvedBy(65536);
+  const auto errorOf = [&](uint32_t rays) {
+    const std::vector<Rgb> h = solvedBy(rays);
+    Rgb squares(0), total(0);
+    double area = 0;
+    for (size_t i = 0; i < h.size(); ++i) {
+      const double a = grid.patches().patches[i].area;
+      squares += a * (h[i] - truth[i]) * (h[i] - truth[i]);
+      total += a * truth[i];
+      area += a;
+    }
+    return maxChannel(glm::sqrt(squares * area) / total);
+  };
+  const double half = errorOf(1024), more = errorOf(1536), nearly = errorOf(2000), whole = errorOf(2048);
+  fmt::print("{} patches, error of H by 1,024, 1,536, 2,000, 2,048 rays: {:.3f} {:.3f} {:.3f} {:.3f} %\n", grid.patches().size(), 100 * half, 100 * more, 100 * nearly, 100 * whole);
+  EXPECT_LT(whole, 0.9 * nearly);
+  EXPECT_LT(whole, half * std::pow(2, -0.6));
+  EXPECT_LT(more, half);
+}
+
 // Areas times H of a run's patches, by surface.
 std::map<std::string, double> fluxes(const std::string& csv) {
   std::map<std::string, double> flux;

@@ -173,6 +173,22 @@ TEST_F(KeptFactors, AreDetectedWhenDamaged) {
   expectRefused("solve " + path("room.gltf") + " --factors " + path("D.npz"), "D.npz: the file of factors cannot be read");
 }
 
+// Written by another program, with checksums that fit.
+TEST_F(KeptFactors, AreRefusedWhereEntriesAreNotPossible) {
+  const auto rewritten = [&](const std::string& change) {
+    const std::string script = "import numpy; a = dict(numpy.load('" + path("F.npz") + "')); k = int(a['indptr'][7]); n = int(a['shape'][0]); i = a['indices']; v = a['data']; " +
+                               change + "; numpy.savez('" + path("D.npz") + "', **a)";
+    EXPECT_EQ(std::system(("/usr/bin/python3 -c \"" + script + "\"").c_str()), 0);
+  };
+  rewritten("pass");
+  EXPECT_EQ(solved("room.gltf", "--factors " + path("D.npz")), solved("room.gltf", "--factors " + path("F.npz")));
+  for (const char* change : {"i[k], i[k + 1] = int(i[k + 1]), int(i[k])", "i[k + 1] = i[k]", "i[a['indptr'][8] - 1] = n", "i[k] = -1", "v[k] = -1e-6", "v[k] = numpy.nan",
+                             "v[k] = 2000", "v[k] = numpy.inf"}) {
+    rewritten(change);
+    expectRefused("solve " + path("room.gltf") + " --factors " + path("D.npz"), "D.npz: row 7 has an entry outside");
+  }
+}
+
 TEST_F(KeptFactors, AreComparedWithTheMethodThatMadeThem) {
   const Outcome o = farol("compare " + path("room.gltf") + " " + path("F.npz") + " rays:512 --patches 500 --seed 7 --report " +
                           path("r.json"));

@@ -180,6 +180,19 @@ TEST_F(Tolerance, AdaptsPatchesWhereThatPays) {
   EXPECT_GT(report()["options"]["adapt"].get<double>(), 0);
 }
 
+// The patches that a refinement wants do not fit: what was reached stays, whole.
+TEST_F(Tolerance, RefinementBeyondMemoryIsLeft) {
+  const Outcome o = solve(FAROL_SCENES "/mirrors_and_glass/facing_mirrors.gltf", "--tolerance 0.035 --memory 1M");
+  EXPECT_EQ(o.exitCode, 3) << o.err;
+  EXPECT_THAT(o.out, HasSubstr("refined:"));
+  EXPECT_THAT(o.err, HasSubstr("limited by memory"));
+  const json r = report();
+  const std::string csv = readText(path("p.csv"));
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 1 + r["counts"]["patches"].get<int>());
+  ASSERT_EQ(farol(r["equivalent_command"].get<std::string>().substr(6)).exitCode, 0);
+  EXPECT_EQ(readText(path("p.csv")), csv);
+}
+
 TEST_F(Tolerance, KeepsWhatIsGiven) {
   ASSERT_EQ(solve(kCornell, "--tolerance 0.05 --patches 300").exitCode, 0);
   EXPECT_EQ(report()["options"]["patches"], 300);
