@@ -28,7 +28,7 @@ double orderOf(const MethodSpec& spec) { return spec.kind == Kind::rays ? kRayOr
 uint32_t evenCount(double worth, uint32_t least, uint32_t most) {
   uint32_t count = least;
   while (count < most && count < worth) count *= 2;
-  return count >= 2 * least && 0.625 * count >= worth ? count / 4 * 3 : count;
+  return 0.625 * count >= worth ? std::max(least, count / 4 * 3) : count;
 }
 // The power of two that it errs like, on the straight line to the next.
 double worthOf(double count) {
@@ -359,12 +359,9 @@ PatchSizeError patchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, 
 }
 
 double adaptedPatchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting, const Adapting& adapting) {
-  const JoinedSiblings siblings = joinSiblings(patches, facets, adapting.adapted.tree.levels());
-  const auto n = static_cast<double>(patches.size()), together = n - static_cast<double>(siblings.alone);
-  if (together == 0) return adapting.adapted.error;
-  // Those alone cost about as much each: to make all patches alike is what the tree is for.
-  const double seen = joiningError(f, patches, lighting.direct, lighting.solution, siblings.joined).relative;
-  return seen * std::sqrt(n / together) / (std::pow(2, adapting.order) - 1);
+  const std::vector<uint32_t> joined = joinedSiblings(patches, facets, adapting.adapted.tree.levels());
+  const double seen = joiningError(f, patches, lighting.direct, lighting.solution, joined).relative;
+  return seen > 0 ? seen / (std::pow(2, adapting.order) - 1) : adapting.adapted.error;
 }
 
 TolerancePlan planFor(const Options& options, const Scene& scene, const FacetSet& facets, const MethodSpec& method) {

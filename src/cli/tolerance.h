@@ -39,7 +39,8 @@ struct PatchSizeError {
 };
 PatchSizeError patchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting);
 
-// The same for patches of several sizes, from those that have three siblings of their size, by the order that the trial has shown.
+// The same for patches of several sizes, by joining those that have three siblings of their size, nearly all, and the order that
+// the trial has shown.
 double adaptedPatchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting, const Adapting& adapting);
 
 // The same plan with its samples and patches raised where `found` exceeds the tolerance; patches are to be adapted anew.

@@ -47,7 +47,7 @@ PatchSet buildPatches(const Scene& scene, const FacetSet& facets, PatchOptions o
   return patches;
 }
 
-JoinedSiblings joinSiblings(const PatchSet& patches, const FacetSet& facets, uint32_t levels) {
+std::vector<uint32_t> joinedSiblings(const PatchSet& patches, const FacetSet& facets, uint32_t levels) {
   struct Family {
     uint32_t number, members = 0;
   };
@@ -62,17 +62,18 @@ JoinedSiblings joinSiblings(const PatchSet& patches, const FacetSet& facets, uin
     keys[p] = keyOf(cell.facet, cell.back, levels - halvings, parent);
     ++families.try_emplace(keys[p], Family{kNone}).first->second.members;
   }
-  JoinedSiblings result{std::vector<uint32_t>(patches.size()), 0};
+  std::vector<uint32_t> joined(patches.size());
   uint32_t next = 0;
   for (uint32_t p = 0; p < keys.size(); ++p) {
     const auto family = families.find(keys[p]);
-    const bool whole = family != families.end() && family->second.members == kWhole;
-    if (!whole) ++result.alone;
-    if (!whole || family->second.number == kNone) result.joined[p] = next++;
-    if (whole && family->second.number == kNone) family->second.number = result.joined[p];
-    if (whole) result.joined[p] = family->second.number;
+    if (family == families.end() || family->second.members != kWhole) {
+      joined[p] = next++;
+      continue;
+    }
+    if (family->second.number == kNone) family->second.number = next++;
+    joined[p] = family->second.number;
   }
-  return result;
+  return joined;
 }
 
 }  // namespace farol

@@ -27,11 +27,8 @@ class PatchTree {
 // Patches of the sizes that a tree says, on a grid of its levels; where it splits nothing, as the options say.
 PatchSet buildPatches(const Scene& scene, const FacetSet& facets, PatchOptions options, const PatchTree& tree);
 
-// Patches of a tree of so many levels, joined with their three siblings where all of them are patches.
-struct JoinedSiblings {
-  std::vector<uint32_t> joined;  // [patches] the number of what a patch becomes part of, from 0 without gaps
-  size_t alone = 0;              // patches that stay as they are
-};
-JoinedSiblings joinSiblings(const PatchSet& patches, const FacetSet& facets, uint32_t levels);
+// Joins patches of a tree of so many levels with their three siblings, where all of them are patches: [patches] the number of
+// what each becomes part of, from 0 without gaps.
+std::vector<uint32_t> joinedSiblings(const PatchSet& patches, const FacetSet& facets, uint32_t levels);
 
 }  // namespace farol

@@ -162,10 +162,9 @@ Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const Dir
     result.residual = largest(r);
     // One more Jacobi sweep on the residual shows how much a sweep still takes off the slowest part; after Gauss-Seidel,
     // which leaves that part small beside the others, the ratio of its last changes does. Conjugate residuals know.
-    Contraction found;
-    if (!krylov || system.bound > 1) found = contractionOn(system, patches, r);
+    const Contraction found = krylov ? Contraction{} : contractionOn(system, patches, r);
     if (made.stuck) result.kind = SolverKind::gaussSeidel;
-    if (system.bound > 1 && result.sweeps >= kFirstLook && change > 0 && change >= result.history[result.history.size() / 2]) {
+    if (system.bound > 1 && !krylov && result.sweeps >= kFirstLook && change > 0 && change >= result.history[result.history.size() / 2]) {
       // Over two sweeps: rows that are not reciprocal may grow in one and shrink in the next.
       const double growth = std::sqrt(found.ofNorm * contractionOn(system, patches, system.reflectOnce(Field(r))).ofNorm);
       if (growth >= 1) refuse(fmt::format("a sweep multiplies the residual by {:.4f}", growth));
@@ -173,7 +172,7 @@ Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const Dir
     const size_t n = result.history.size();
     const double before = n > 2 ? result.history[n - 3] : 0, shrinks = before > 0 ? std::sqrt(change / before) : 0;
     seen = std::max(seen, krylov ? made.radius : shrinks);
-    result.contraction = std::min(std::max({krylov ? 0 : found.ofLargest, found.ofNorm, seen}), system.bound);
+    result.contraction = std::min(std::max({found.ofLargest, found.ofNorm, seen}), system.bound);
     const double room = 1 - result.contraction, reference = meanRadiosity.of(b.columns());
     result.error = reference > 0 && room > 0 ? result.residual / room / reference : result.residual > 0 ? 1e300 : 0;
     result.converged = result.error <= options.residual;

@@ -87,8 +87,8 @@ TEST(Adapting, NeedsFewerPatchesForTheSameError) {
   // The finished run tells it, too: all but what rays scatter.
   const double told = adaptedPatchErrorOf(ofTree.f, tree.patches(), room.facets(), ofTree.lighting, room.adapting());
   fmt::print("told {:.2f} %\n", 100 * told);
-  EXPECT_GT(told, 0.5 * adapted);
-  EXPECT_LT(told, 1.6 * adapted);
+  EXPECT_GT(told, 0.8 * adapted);
+  EXPECT_LT(told, 1.4 * adapted);
 }
 
 // What a tolerance builds on when it chooses numbers of rays: between powers of two little is gained.
@@ -210,6 +210,15 @@ TEST_F(AdaptCommand, EquivalentCommandGivesTheSameBytes) {
   std::filesystem::remove(path("a.csv"));
   ASSERT_EQ(farol(command.substr(command.find(' '))).exitCode, 0);
   EXPECT_EQ(readText(path("a.csv")), before);
+}
+
+// The trial is made by rays, whatever makes F: a plan that changes hemicubes must find the same patches.
+TEST_F(AdaptCommand, PatchesDoNotDependOnTheMethod) {
+  const auto patches = [&](const std::string& method) {
+    EXPECT_EQ(farol("solve " FAROL_SCENES "/cornell_box/cornell_box.gltf --adapt 0.04 --report " + path("r.json") + method).exitCode, 0);
+    return std::pair(report()["counts"]["patches"].get<int>(), report()["adapted"]["predicted"].get<double>());
+  };
+  EXPECT_EQ(patches(" --method raster --resolution 16"), patches(" --method rays --rays 64"));
 }
 
 TEST_F(AdaptCommand, IsRefusedWherePatchesAreChosenOtherwise) {
