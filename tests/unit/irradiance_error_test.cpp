@@ -2,6 +2,7 @@
 
 #include "test_scene.h"
 
+#include <array>
 #include <gtest/gtest.h>
 
 using namespace farol;
@@ -59,4 +60,45 @@ TEST(IrradianceError, OfLittleExposedPatchesStaysTheirs) {
       EXPECT_LE(errors[i].r, std::sqrt(kExposed) + 1e-9) << i;
     }
   }
+}
+
+// Where rows gather one radiosity their samples do not scatter; where they gather nothing and twice that, or nothing and a sky,
+// they do. What replicates show of all is shared out accordingly, but for a fourth.
+TEST(IrradianceError, GoesWhereSamplesScatter) {
+  Box box;
+  constexpr float kChange = 0.01f;
+  const Rgb sky(2);
+  RowShares half;
+  half.missed = 0.5;
+  Replicates replicates;
+  replicates.rows.emplace(box.patches.size());
+  const auto one = static_cast<uint32_t>(box.patches.size() - 3);  // radiosities 1, 0 and 2
+  box.solution.radiosity[one] = Rgb(1);
+  box.solution.radiosity[one + 2] = Rgb(2);
+  for (uint32_t i = 0; i < box.patches.size(); ++i) {
+    const uint32_t wall = box.patches.patches[i].surface;
+    const RowShares shares = wall == 2 ? half : RowShares{};
+    std::vector<uint32_t> ids;
+    std::vector<float> values;
+    if (wall == 0) ids = {one}, values = {1.0f};
+    if (wall == 1) ids = {one + 1, one + 2}, values = {0.5f, 0.5f};
+    box.f.entries(i, ids, values);
+    box.f.finish(i, shares);
+    if (wall < 3) box.solution.irradiance[i] = Rgb(2);  // of the lamps 1
+    if (i % 25 != 0) continue;
+    replicates.patches.push_back(i);
+    if (wall == 0) {
+      values[0] += kChange;
+    } else {
+      ids.insert(ids.begin(), one);
+      values.insert(values.begin(), kChange);
+    }
+    replicates.rows->entries(i, ids, values);
+    replicates.rows->finish(i, shares);
+  }
+  std::array<double, 6> squares{};
+  const std::vector<Rgb> errors = irradianceError(box.f, box.patches, box.direct, box.solution, replicates, 256, sky);
+  for (size_t i = 0; i < errors.size(); ++i) squares[box.patches.patches[i].surface] += errors[i].r * errors[i].r;
+  EXPECT_GT(squares[1], 4 * squares[0]);
+  EXPECT_GT(squares[2], 4 * squares[0]);
 }
