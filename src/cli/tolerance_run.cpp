@@ -1,0 +1,170 @@
+#include "cli/tolerance_run.h"
+
+#include "base/error.h"
+#include "cli/factor_stage.h"
+#include "cli/light_stage.h"
+
+namespace farol {
+namespace {
+
+void takeAdapted(RunState& run, const Adapting& a) {
+  run.patches = buildPatches(run.scene, run.facets, a.size, a.adapted.tree);
+  run.methods.patchesChanged();
+  run.countPatches();
+  if (a.tried > 0) run.report.adapted = AdaptedReport{a.tried, a.adapted.tree.levels(), a.adapted.error};
+}
+
+void applyOptions(RunState& run) {
+  run.options.patchSize = run.plan->size.size;
+  if (run.plan->size.size == 0) run.options.patches = run.plan->size.count;
+  run.options.shadowRays = run.plan->setting.shadowRays;
+  run.options.residual = run.plan->setting.residual;
+  run.spec = run.plan->setting.spec;
+  run.options.rays = run.spec->rays;
+  run.options.resolution = run.spec->resolution;
+  run.options.positions = run.spec->positions;
+  run.options.adapt = run.plan->adapt;
+  run.report.options = run.options;
+}
+
+// The options and patches of the plan. With --patches given the patches stay as they are.
+void applyPlan(RunState& run) {
+  applyOptions(run);
+  if (run.plan->adapt > 0) {
+    if (!run.plan->adapted) run.plan->adapted = adaptTo(run.options, run.scene, run.facets, *run.spec);
+    takeAdapted(run, *run.plan->adapted);
+    return;
+  }
+  run.patches = buildPatches(run.scene, run.facets, patchOptionsOf(run.options));
+  run.methods.patchesChanged();
+  run.countPatches();
+}
+
+// False, with all as it was, where memory does not hold F as the plan asks for it.
+bool applyRefined(RunState& run, const TolerancePlan& next) {
+  const TolerancePlan plan = *run.plan;
+  const auto adapted = run.report.adapted;
+  PatchSet patches = run.patches;
+  run.plan = next;
+  try {
+    applyPlan(run);
+    chooseStorage(run.situation, *run.spec);
+    return true;
+  } catch (const Error&) {
+    run.plan = plan;
+    applyOptions(run);
+    run.report.adapted = adapted;
+    run.patches = std::move(patches);
+    run.methods.patchesChanged();
+    run.countPatches();
+    return false;
+  }
+}
+
+ErrorParts errorParts(RunState& run) {
+  ErrorParts e;
+  e.patches = run.plan->adapted ? adaptedPatchErrorOf(*run.f, run.patches, run.facets, run.lighting, *run.plan->adapted)
+                                : patchErrorOf(*run.f, run.patches, run.facets, run.lighting).error;
+  Replicates none;
+  none.patches = run.replicates.patches;
+  const auto by = [&](const DirectLight& direct) {
+    const std::vector<Rgb> kept = run.lighting.error;
+    run.lighting.error = irradianceError(*run.f, run.patches, direct, run.lighting.solution, none, samplesOf(*run.spec),
+                                         run.options.sky);
+    const double error = relativeError(*run.f, run.patches, run.lighting);
+    run.lighting.error = kept;
+    return error;
+  };
+  DirectLight exact = run.lighting.direct;
+  exact.deviation.clear();
+  e.sweeps = by(exact);
+  const double lightAndSweeps = by(run.lighting.direct), all = *run.report.estimatedError;
+  e.light = std::sqrt(std::max(0.0, lightAndSweeps * lightAndSweeps - e.sweeps * e.sweeps));
+  e.rows = std::sqrt(std::max(0.0, all * all - lightAndSweeps * lightAndSweeps));
+  return e;
+}
+
+}  // namespace
+
+void adapt(RunState& run) {
+  const Adapting a = adaptTo(run.options, run.scene, run.facets, *run.spec);
+  run.options.patchSize = run.report.options.patchSize = a.size.size;
+  takeAdapted(run, a);
+  run.report.clock.finish("adapting");
+  if (a.tried == 0) {
+    run.say("patches: {} facets are too many to try smaller ones: all stay as large as --patch-size {}",
+            run.facets.facets.size(), run.options.patchSize);
+    return;
+  }
+  if (a.adapted.error > run.options.adapt) {
+    run.log.warn({"adapt-not-met",
+                  fmt::format("the smallest patches are {} times smaller than the largest, and still constant patches "
+                              "are predicted to cost {:.2g} % of H: {:.2g} % was asked for",
+                              1u << PatchTree::kMostLevels, 100 * a.adapted.error, 100 * run.options.adapt),
+                  {},
+                  a.adapted.error});
+  }
+  run.say("patches: {} of {} sizes, from {} of a trial; constant patches are predicted to cost {:.2g} % of H",
+          run.patches.size(), a.adapted.tree.levels() + 1, a.tried, 100 * a.adapted.error);
+}
+
+void choosePlan(RunState& run) {
+  run.plan = planFor(run.options, run.scene, run.facets, *run.spec);
+  applyPlan(run);
+  run.report.clock.finish("choosing");
+  run.say("tolerance {:.3g} %: {:.2g} % predicted, in {:.2g} s:", 100 * run.options.tolerance,
+          100 * run.plan->predicted.total(), run.plan->seconds);
+  for (const Choice& c : run.plan->choices) run.say("  {}: {} ({})", c.what, c.value, c.why);
+}
+
+// Chooses, solves, and refines where the estimate of what was reached says so.
+void meetTolerance(RunState& run) {
+  constexpr int kRounds = 4;
+  const Stopwatch watch;
+  choosePlan(run);
+  ErrorParts found;
+  for (int round = 0;; ++round) {
+    makeFactors(run);
+    if (round == 0) chooseSolvePlace(run);
+    light(run);
+    found = errorParts(run);
+    run.report.estimatedError = found.total();
+    run.report.clock.finish("errors");
+    if (found.total() <= run.options.tolerance || round + 1 == kRounds || !run.plan->limitedBy.empty()) break;
+    const TolerancePlan next = refined(*run.plan, run.options, run.facets, found);
+    const bool changed = next.size.size != run.plan->size.size || next.adapt != run.plan->adapt ||
+                         next.setting.spec.rays != run.plan->setting.spec.rays ||
+                         next.setting.spec.resolution != run.plan->setting.spec.resolution ||
+                         next.setting.spec.positions != run.plan->setting.spec.positions ||
+                         next.setting.shadowRays != run.plan->setting.shadowRays;
+    if (!changed) {
+      run.plan->limitedBy = "the options given";
+      break;
+    }
+    if (run.options.time > 0 && 2 * watch.seconds() > run.options.time) {
+      run.plan->limitedBy = "time";
+      break;
+    }
+    run.say("refined: the error is estimated as {:.2g} % (patches {:.2g}, rows {:.2g}, light {:.2g})",
+            100 * found.total(), 100 * found.patches, 100 * found.rows, 100 * found.light);
+    if (!applyRefined(run, next)) {
+      run.plan->limitedBy = "memory";
+      break;
+    }
+    run.report.checks.reset();
+    run.replicates = {};
+    run.lighting = {};
+  }
+  run.report.tolerance =
+      ToleranceReport{run.options.tolerance, found.total() <= run.options.tolerance, *run.plan, found, watch.seconds()};
+  if (!run.report.tolerance->met) {
+    run.log.warn({"tolerance-not-met",
+                  fmt::format("the tolerance of {:.3g} % is not met: the error of H is estimated as {:.2g} %{}",
+                              100 * run.options.tolerance, 100 * found.total(),
+                              run.plan->limitedBy.empty() ? "" : "; limited by " + run.plan->limitedBy),
+                  {},
+                  found.total()});
+  }
+}
+
+}  // namespace farol
