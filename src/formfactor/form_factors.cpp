@@ -23,6 +23,10 @@ double sumOf(std::span<const float> values) {
   return std::accumulate(sums.begin(), sums.end(), 0.0);
 }
 
+// The dense row that this thread packed last. Freed and allocated anew, it would leave holes that packed rows fill, so that
+// the next one finds no room: five times the memory of F.
+thread_local std::vector<float> spareRow;
+
 }  // namespace
 
 double FormFactorRow::at(size_t j) const {
@@ -78,8 +82,11 @@ FormFactorMatrix::List FormFactorMatrix::listOf(std::vector<uint32_t> ids, std::
 std::span<float> FormFactorMatrix::row(uint32_t patch) {
   sums_[patch] = std::nan("");
   std::vector<float>& dense = rows_[patch].dense;
-  if (dense.empty()) book(rows_.size() * sizeof(float));
-  dense.resize(rows_.size());
+  if (dense.empty()) {
+    book(rows_.size() * sizeof(float));
+    if (spareRow.capacity() == rows_.size()) dense = std::move(spareRow);
+    dense.assign(rows_.size(), 0.0f);
+  }
   return dense;
 }
 
@@ -88,9 +95,12 @@ void FormFactorMatrix::hits(uint32_t patch, std::span<const uint32_t> ids, float
   // A list costs a random access per hit where a dense row is read straight through: it must be much shorter.
   constexpr size_t kWorthAList = 4;
   if (kWorthAList * ids.size() > rows_.size()) {
-    const std::vector<float> dense = FormFactorRow{{}, {}, ids, {}, weight, rows_.size()}.expanded();
     const std::span<float> to = this->row(patch);
-    std::copy(dense.begin(), dense.end(), to.begin());
+    std::fill(to.begin(), to.end(), 0.0f);
+    for (const uint32_t j : ids) {
+      if (j < to.size()) ++to[j];
+    }
+    for (float& value : to) value *= weight;
     return;
   }
   if (row.list.ids.empty()) book(ids.size_bytes());
@@ -130,6 +140,7 @@ void FormFactorMatrix::pack(Row& row) {
   } else {
     return;
   }
+  spareRow = std::move(row.dense);
   row.dense = {};
   const uint64_t bytes = row.steps.size() * sizeof(uint16_t) + row.list.ids.size() * (sizeof(uint32_t) + sizeof(float));
   std::atomic_ref(bytes_) -= n * sizeof(float) - bytes;
