@@ -7,6 +7,7 @@
 #include <cstring>
 #include <fcntl.h>
 #include <fstream>
+#include <malloc.h>
 #include <string>
 #include <sys/mman.h>
 #include <sys/stat.h>
@@ -39,6 +40,12 @@ std::string processorName() {
 
 uint64_t peakMemoryBytes() {
   return kilobyteLine("/proc/self/status", "VmHWM:");
+}
+uint64_t residentMemoryBytes() {
+#ifdef __GLIBC__
+  malloc_trim(0);
+#endif
+  return kilobyteLine("/proc/self/status", "VmRSS:");
 }
 uint64_t availableMemoryBytes() {
   return kilobyteLine("/proc/meminfo", "MemAvailable:");

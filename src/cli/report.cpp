@@ -194,6 +194,7 @@ void writeReport(const std::string& path, const Report& r) {
   }
   j["estimated_error"] = r.estimatedError ? json(*r.estimatedError) : json(nullptr);
   if (r.adapted) j["adapted"] = {{"tried", r.adapted->tried}, {"levels", r.adapted->levels}, {"predicted", r.adapted->predicted}};
+  if (r.forecast) j["forecast"] = {{"seconds", r.forecast->seconds}, {"peak_bytes", r.forecast->peakBytes}, {"tried", r.forecast->tried}};
   if (r.tolerance) {
     const ToleranceReport& t = *r.tolerance;
     const auto parts = [](const ErrorParts& e) {

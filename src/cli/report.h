@@ -60,6 +60,13 @@ struct ToleranceReport {
   double seconds = 0;  // choosing, form factors, light, solve and errors together
 };
 
+// What `solve` would take, predicted.
+struct ForecastReport {
+  double seconds = 0;      // whole process
+  uint64_t peakBytes = 0;  // of its memory
+  size_t tried = 0;        // patches of the trial that told
+};
+
 struct AdaptedReport {
   size_t tried = 0;      // patches of the trial
   uint32_t levels = 0;   // halvings between the largest patches and the smallest
@@ -96,6 +103,7 @@ struct Report {
   std::optional<double> estimatedError;  // of H, rms relative to its mean
   std::optional<ToleranceReport> tolerance;
   std::optional<AdaptedReport> adapted;
+  std::optional<ForecastReport> forecast;
   std::optional<ComparisonReport> comparison;
   std::optional<SolverComparison> solverComparison;
   std::optional<Solution> solution;  // figures only: without the vectors

@@ -90,6 +90,7 @@ class Planner {
     // Rows made again to tell the error, and what no scene is too small for.
     constexpr double kAgain = 1.1, kLeastSeconds = 0.006;
     plan_.seconds = plan_.choosing + kAgain * plan_.seconds + kLeastSeconds;
+    plan_.rowSeconds = kAgain * patches_ * samplesOf(plan_.setting.spec) * costs_.perSample;
     explain();
     return plan_;
   }

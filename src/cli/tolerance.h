@@ -25,6 +25,7 @@ struct TolerancePlan {
   std::vector<Choice> choices;
   ErrorParts predicted;
   double seconds = 0;       // predicted, of form factors, light and solve, with the trials
+  double rowSeconds = 0;    // of these, for rows of F
   double choosing = 0;      // that the trials took
   std::string limitedBy;    // why no better setting was chosen: memory, time, an option; empty: the tolerance is met
 };

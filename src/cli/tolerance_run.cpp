@@ -84,6 +84,17 @@ ErrorParts errorParts(RunState& run) {
   return e;
 }
 
+// Rows of many samples cost less per sample than the trial's of few: where it matters some of the plan's own rows tell.
+void tellRowSeconds(RunState& run) {
+  constexpr double kWorthAProbe = 0.4, kProbeSeconds = 0.02, kAgain = 1.1;
+  TolerancePlan& plan = *run.plan;
+  if (plan.rowSeconds < kWorthAProbe) return;
+  const RowProbe probe = probeRows(run.situation, *run.spec, kProbeSeconds);
+  const double rowSeconds = kAgain * static_cast<double>(probe.rows) / probe.rowsPerSecond;
+  plan.seconds += rowSeconds - plan.rowSeconds;
+  plan.rowSeconds = rowSeconds;
+}
+
 }  // namespace
 
 void adapt(RunState& run) {
@@ -111,6 +122,7 @@ void adapt(RunState& run) {
 void choosePlan(RunState& run) {
   run.plan = planFor(run.options, run.scene, run.facets, *run.spec);
   applyPlan(run);
+  tellRowSeconds(run);
   run.report.clock.finish("choosing");
   run.say("tolerance {:.3g} %: {:.2g} % predicted, in {:.2g} s:", 100 * run.options.tolerance,
           100 * run.plan->predicted.total(), run.plan->seconds);

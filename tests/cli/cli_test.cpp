@@ -223,6 +223,23 @@ TEST(Info, ForecastsTheMemoryOfF) {
   }
 }
 
+// Of the whole process: lists of hits, dense rows that end as lists, several sizes of patches, hemicubes.
+TEST(Info, ForecastsThePeakOfMemory) {
+  const TemporaryFolder folder;
+  const std::string scenes = FAROL_SCENES "/";
+  for (const std::string run : {"cornell_box/cornell_box.gltf --patches 40000 --rays 256 --method rays", "cornell_box/cornell_box.gltf --patches 4000 --rays 1024 --method rays",
+                                 "reading_corner/reading_corner.glb --patches 30000 --rays 128 --method rays", "l_room/l_room.gltf --tolerance 0.003",
+                                 "l_room/l_room.gltf --patches 6000 --resolution 32 --method raster"}) {
+    const auto reportOf = [&](const std::string& command) {
+      EXPECT_EQ(farol(command + " " + scenes + run + " --quiet --report " + folder.path("r.json")).exitCode, 0);
+      return nlohmann::json::parse(readText(folder.path("r.json")));
+    };
+    const double forecast = reportOf("info")["forecast"]["peak_bytes"], made = reportOf("solve")["peak_bytes"];
+    std::printf("%s: %.1f MB of %.1f\n", run.c_str(), 1e-6 * forecast, 1e-6 * made);
+    EXPECT_NEAR(forecast, made, 0.1 * made) << run;
+  }
+}
+
 TEST(Quiet, LeavesStandardOutputEmpty) {
   const TemporaryFolder folder;
   const Outcome o = farol("render " + kCornell + " -o " + folder.path("p.png") + " --size 16x16 --patches 100 --quiet");
