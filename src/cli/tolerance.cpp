@@ -16,6 +16,7 @@ constexpr double kMargin = 0.78;
 // Cornell box and the L-shaped room of 800 to 8,000 patches.
 constexpr double kHemicubeOrder = 0.5, kRayOrder = 0.65;
 constexpr size_t kProbes = 384;
+constexpr size_t kMostTried = 12000;  // patches of a trial
 constexpr uint32_t kMostRays = 1u << 16, kLeastShadowRays = 8;
 // What a picture shows: grain of every patch and edges of shadows.
 constexpr size_t kPicturePatches = 4000;
@@ -81,9 +82,9 @@ class Planner {
       measure(count);
       choose();
       const auto wanted = static_cast<size_t>(patches_);
-      constexpr double kFar = 6, kMostTried = 12000;
-      if (fixedPatches() || static_cast<double>(wanted) < kFar * static_cast<double>(tried_) || static_cast<double>(tried_) >= kMostTried) break;
-      count = static_cast<size_t>(std::min(kMostTried, static_cast<double>(wanted) / 2));
+      constexpr size_t kFar = 6;
+      if (fixedPatches() || wanted < kFar * tried_ || tried_ >= kMostTried) break;
+      count = std::min(kMostTried, wanted / 2);
     }
     considerAdapting();
     plan_.choosing = watch_.seconds();
@@ -97,6 +98,7 @@ class Planner {
 
  private:
   bool fixedPatches() const { return options_.gave("--patches"); }
+  double givenPatches() const { return static_cast<double>(options_.patches > kMostTried ? std::max(options_.patches, tried_) : tried_); }
   bool fixedSamples() const {
     return plan_.setting.spec.kind == Kind::exact || (plan_.setting.spec.kind == Kind::rays ? options_.gave("--rays") : options_.gave("--resolution"));
   }
@@ -105,7 +107,7 @@ class Planner {
   void measure(size_t count) {
     PatchOptions size{count, 0};
     if (fixedPatches()) {
-      size = {options_.patches, 0};
+      size = {std::min(options_.patches, kMostTried), 0};
     } else if (options_.patchSize > 0) {
       size = {0, std::min(options_.patchSize, sizeForPatches(facets_, count))};
     }
@@ -165,7 +167,7 @@ class Planner {
   void choose() {
     // What is given may cost more than the tolerance: the rest need not be much better then.
     constexpr double kAboveGiven = 1.1;
-    const ErrorParts now = errorFor(static_cast<double>(tried_), trialSetting_);
+    const ErrorParts now = errorFor(fixedPatches() ? givenPatches() : static_cast<double>(tried_), trialSetting_);
     const double given = std::sqrt((fixedSamples() ? now.rows * now.rows : 0) + (fixedShadow() ? now.light * now.light : 0) + (fixedPatches() ? now.patches * now.patches : 0));
     const double target = std::max(kMargin * tolerance_, kAboveGiven * given);
     double best = -1;
@@ -173,7 +175,7 @@ class Planner {
     const double smallest = static_cast<double>(buildCount(1));
     std::vector<double> counts;
     if (fixedPatches()) {
-      counts = {static_cast<double>(tried_)};
+      counts = {givenPatches()};
     } else {
       // Coarser than the trial nothing is known about edges, and little is saved.
       const double floor = std::max({smallest, static_cast<double>(tried_), wantsPicture(options_) ? static_cast<double>(kPicturePatches) : 100.0});

@@ -67,7 +67,7 @@ JoiningError joiningError(const FormFactorMatrix& f, const PatchSet& patches, co
   }
   const Channels source = groups.means(gathered(b - groups.spread(groups.means(b))));
   // What is reflected of the change; the rest of the series by its ratio.
-  constexpr int kSweeps = 4;
+  constexpr int kSweeps = 2;
   Channels change = source, term = source;
   double last = term.norm(), ratio = 0;
   for (int k = 0; k < kSweeps && last > 0; ++k) {
