@@ -237,8 +237,8 @@ void chooseTolerance(Options& o) {
   constexpr double kUsual = 0.01;
   const bool kept = !o.factors.empty() || !o.variants.empty() || o.localIllumination;
   if (o.gave("--adapt") && kept) throw UsageError("--adapt chooses patches before F is made: it does not go with --factors, --variants or --illumination local");
-  if (o.gave("--cluster") && (o.gave("--tolerance") || o.gave("--adapt")))
-    throw UsageError("--cluster makes patches of several facets: it does not go with --tolerance or --adapt, which make them of one size or smaller");
+  if (o.gave("--cluster") && o.gave("--adapt"))
+    throw UsageError("--cluster makes patches of several facets: it does not go with --adapt, which makes several of one");
   if (o.gave("--adapt") && o.gave("--tolerance")) throw UsageError("--adapt and --tolerance both choose patches: one of them is enough");
   if (o.gave("--tolerance")) {
     if (kept) throw UsageError("--tolerance chooses how F is made: it does not go with --factors, --variants or --illumination local");

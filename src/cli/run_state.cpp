@@ -69,13 +69,14 @@ void cut(RunState& run) {
   run.report.degenerate = run.facets.degenerate;
   run.report.duplicate = run.facets.duplicate;
   run.report.welded = run.facets.welded;
-  if (run.options.patchSize == 0 && run.options.cluster == 0 && run.facets.facets.size() > run.options.patches / 2) {
+  const bool byCount = run.options.tolerance == 0 && run.options.patchSize == 0;
+  if (byCount && run.options.cluster == 0 && run.facets.facets.size() > run.options.patches / 2) {
     run.log.note(fmt::format(
         "{} facets need at least a patch each: {} patches instead of about {}; --cluster 15 gathers small ones",
         run.facets.facets.size(), run.patches.frontPatchCount, run.options.patches));
   }
   constexpr size_t kMany = 3;
-  if (run.options.patchSize == 0 && run.options.cluster > 0 &&
+  if (byCount && run.options.cluster > 0 &&
       2 * run.patches.frontPatchCount > kMany * run.options.patches) {
     run.log.note(fmt::format("many facets turn too much or stand apart: {} patches instead of about {}",
                              run.patches.frontPatchCount, run.options.patches));

@@ -78,6 +78,7 @@ class Planner {
   TolerancePlan plan() {
     // Coarser trials cannot see shadows; finer ones cost more than they tell.
     size_t count = tolerance_ < 0.004 ? 2500 : tolerance_ < 0.03 ? 1000 : 450;
+    considerClusters(count);
     for (int round = 0; round < 3; ++round) {
       measure(count);
       choose();
@@ -104,13 +105,29 @@ class Planner {
   }
   bool fixedShadow() const { return options_.gave("--shadow-rays"); }
 
+  // Whether facets are so many and small that gathering them leaves much fewer patches.
+  void considerClusters(size_t count) {
+    constexpr size_t kMany = 1500;
+    constexpr double kTurn = 15, kWorth = 0.7;  // [degrees]; of the patches without
+    cluster_ = options_.cluster;
+    if (cluster_ > 0 || options_.gave("--cluster") || fixedPatches() || options_.patchSize > 0 || facets_.facets.size() < kMany) return;
+    const auto patches = [&](double turn) { return static_cast<double>(buildPatches(scene_, facets_, {count, 0, 0, turn}).size()); };
+    if (patches(kTurn) < kWorth * patches(0)) cluster_ = kTurn;
+  }
+
+  double sizeFor(double n) const {
+    return cluster_ > 0 ? trialSize_ * std::pow(n / static_cast<double>(tried_), -1 / perSize_) : sizeForPatches(facets_, static_cast<size_t>(n));
+  }
+
   void measure(size_t count) {
-    PatchOptions size{count, 0};
+    const auto sized = [&](size_t patches) { return cluster_ > 0 ? sizeForClusters(facets_, patches) : sizeForPatches(facets_, patches); };
+    PatchOptions size{count, 0, 0, cluster_};
     if (fixedPatches()) {
-      size = {std::min(options_.patches, kMostTried), 0};
+      size.count = std::min(options_.patches, kMostTried);
     } else if (options_.patchSize > 0) {
-      size = {0, std::min(options_.patchSize, sizeForPatches(facets_, count))};
+      size.size = std::min(options_.patchSize, sized(count));
     }
+    if (cluster_ > 0 && size.size == 0) size.size = sized(size.count);
     Setting trial = plan_.setting;
     constexpr double kReferenceTolerance = 0.05, kReferenceRays = 64;
     const double rays = std::clamp(kReferenceRays * kReferenceTolerance / tolerance_, 32.0, 1024.0);
@@ -124,7 +141,7 @@ class Planner {
       constexpr double kRoom = 0.5, kLeast = 50;
       double fits = static_cast<double>(count);
       while (fits > kLeast && storageFor(fits, trial) > kRoom * static_cast<double>(allowedBytes(options_))) fits /= 1.5;
-      if (fits < static_cast<double>(count)) size.size = std::min(size.size > 0 ? size.size : 1e300, sizeForPatches(facets_, static_cast<size_t>(fits)));
+      if (fits < static_cast<double>(count)) size.size = std::min(size.size > 0 ? size.size : 1e300, sized(static_cast<size_t>(fits)));
     }
     SizedScene scene(options_, scene_, facets_, size);
     channels_ = scene.patches().colouredSpecular() ? 3 : 1;
@@ -133,7 +150,15 @@ class Planner {
     tried_ = scene.patches().size();
     rowError_ = t.rowError;
     lightError_ = t.lightError;
-    patchError_ = patchErrorOf(t.f, scene.patches(), facets_, t.lighting);
+    if (cluster_ > 0) {
+      trialSize_ = size.size;
+      PatchOptions half = size;
+      half.size /= 2;
+      perSize_ = std::clamp(std::log2(static_cast<double>(buildPatches(scene_, facets_, half).frontPatchCount) / static_cast<double>(scene.patches().frontPatchCount)), 0.2, 2.0);
+      patchError_ = gatheredPatchErrorOf(t.f, scene.patches(), scene_, facets_, t.lighting, size);
+    } else {
+      patchError_ = patchErrorOf(t.f, scene.patches(), facets_, t.lighting);
+    }
     shadowShare_ = t.lighting.direct.rays > 0 ? static_cast<double>(t.lighting.direct.rays) / (static_cast<double>(tried_) * trial.shadowRays) : 0;
     fronts_ = static_cast<double>(scene.patches().frontPatchCount) / static_cast<double>(tried_);
     const double n = static_cast<double>(tried_);
@@ -156,7 +181,7 @@ class Planner {
 
   ErrorParts errorFor(double n, const Setting& s) const {
     ErrorParts e;
-    e.patches = patchError_.error * std::pow(n / static_cast<double>(tried_), -patchError_.order / 2);
+    e.patches = patchError_.error * std::pow(n / static_cast<double>(tried_), -patchError_.order / perSize_);
     e.rows = rowError_ * std::pow(worthOf(s.spec) / worthOf(trialSetting_.spec), -orderOf(s.spec));
     e.light = lightError_ * std::pow(worthOf(s.shadowRays) / worthOf(trialSetting_.shadowRays), -kSampleOrder);
     e.sweeps = s.residual;
@@ -217,14 +242,14 @@ class Planner {
     plan_.seconds = best;
     plan_.predicted = errorFor(patches_, bestSetting);
     if (plan_.limitedBy.empty() && plan_.predicted.total() > tolerance_) plan_.limitedBy = "the options given";
-    plan_.size = fixedPatches() ? PatchOptions{options_.patches, 0} : PatchOptions{0, roundedSize(sizeForPatches(facets_, static_cast<size_t>(patches_)))};
+    plan_.size = fixedPatches() ? PatchOptions{options_.patches, 0, 0, cluster_} : PatchOptions{0, roundedSize(sizeFor(patches_)), 0, cluster_};
   }
 
   // Patches as small as their light asks for, where they are predicted to cost so much less that a trial of them pays.
   void considerAdapting() {
     constexpr double kWorthATrial = 0.4, kWorth = 0.7;  // [s]; of the time by patches of one size
     constexpr double kShare = 0.65;  // of the error that patches cost: its square and the samples' are about alike
-    const bool free = options_.command != Command::factors && options_.variants.empty() && options_.patchSize == 0 && !fixedPatches();
+    const bool free = options_.command != Command::factors && options_.variants.empty() && options_.patchSize == 0 && !fixedPatches() && cluster_ == 0;
     const bool limited = plan_.limitedBy == "memory" || plan_.limitedBy == "time";  // what was chosen does not meet the tolerance
     const double most = limited ? allowedSeconds() : kWorth * plan_.seconds;
     if (!free || (limited ? most : plan_.seconds) < kWorthATrial) return;
@@ -302,7 +327,7 @@ class Planner {
     }
   }
 
-  size_t buildCount(size_t count) const { return std::max(count, facets_.facets.size()); }
+  size_t buildCount(size_t count) const { return cluster_ > 0 ? count : std::max(count, facets_.facets.size()); }
 
   static double roundedSize(double size) {  // three digits are enough, and read better
     return std::stod(fmt::format("{:.3g}", size));
@@ -318,7 +343,8 @@ class Planner {
       plan_.choices.push_back({"patches", fmt::format("--adapt {} --patch-size {} (about {:.0f} of {} sizes)", plan_.adapt, plan_.size.size, patches_, plan_.adapted->adapted.tree.levels() + 1),
                                fmt::format("constant patches cost {}; of one size it would take about {:.0f}", percent(e.patches), ofOneSize_)});
     } else {
-      plan_.choices.push_back({"patches", fixedPatches() ? fmt::format("{}", options_.patches) : fmt::format("--patch-size {} (about {:.0f})", plan_.size.size, patches_),
+      const std::string gathered = cluster_ > 0 ? fmt::format(" --cluster {}", cluster_) : "";
+      plan_.choices.push_back({"patches", fixedPatches() ? fmt::format("{}{}", options_.patches, gathered) : fmt::format("--patch-size {}{} (about {:.0f})", plan_.size.size, gathered, patches_),
                              fixedPatches() ? given
                                             : fmt::format("constant patches cost {} of H's mean, from {} at {} patches{}", percent(e.patches), percent(patchError_.error), tried_,
                                                           wantsPicture(options_) && patches_ < 1.01 * kPicturePatches ? "; a picture wants 4000 or more" : "")});
@@ -341,6 +367,8 @@ class Planner {
   Setting trialSetting_;
   Costs costs_;
   size_t tried_ = 0;
+  double cluster_ = 0, trialSize_ = 0;  // as --cluster; the trial's cell size where that is not 0
+  double perSize_ = 2;                  // power of the cell size that the number of patches falls with
   double patches_ = 0, ofOneSize_ = 0;
   PatchSizeError patchError_;
   double rowError_ = 0, lightError_ = 0, shadowShare_ = 0, channels_ = 1, fronts_ = 1, sweeps_ = 10;
@@ -348,17 +376,36 @@ class Planner {
 
 }  // namespace
 
-PatchSizeError patchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting) {
-  const auto joining = [&](uint32_t along) {
-    const std::vector<uint32_t> ofCell = joinedCells(patches, facets, along);
-    std::vector<uint32_t> joined(patches.size());
-    for (uint32_t p = 0; p < joined.size(); ++p) joined[p] = ofCell[patches.cellsOf(p)[0]];
-    return joiningError(f, patches, lighting.direct, lighting.solution, joined).relative;
-  };
+namespace {
+
+// joined(k): for every patch its group, patches of k times the size.
+template <typename Join>
+PatchSizeError errorByJoining(const FormFactorMatrix& f, const PatchSet& patches, const Lighting& lighting, Join joined) {
   constexpr double kLow = 1.3, kHigh = 2;  // orders found in rooms with objects; coarse patches show less than they have
+  const auto joining = [&](uint32_t times) { return joiningError(f, patches, lighting.direct, lighting.solution, joined(times)).relative; };
   const double twice = joining(2), fourTimes = joining(4);
   const double order = twice > 0 ? std::clamp(std::log2(std::max(fourTimes / twice - 1, 1.0)), kLow, kHigh) : kHigh;
   return {twice / (std::pow(2, order) - 1), order};
+}
+
+}  // namespace
+
+PatchSizeError patchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting) {
+  return errorByJoining(f, patches, lighting, [&](uint32_t times) {
+    const std::vector<uint32_t> ofCell = joinedCells(patches, facets, times);
+    std::vector<uint32_t> joined(patches.size());
+    for (uint32_t p = 0; p < joined.size(); ++p) joined[p] = ofCell[patches.cellsOf(p)[0]];
+    return joined;
+  });
+}
+
+PatchSizeError gatheredPatchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const Scene& scene, const FacetSet& facets, const Lighting& lighting,
+                                    const PatchOptions& size) {
+  return errorByJoining(f, patches, lighting, [&](uint32_t times) {
+    PatchOptions wider = size;
+    wider.size *= times;
+    return joinedTo(buildPatches(scene, facets, wider), patches, facets);
+  });
 }
 
 double adaptedPatchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting, const Adapting& adapting) {

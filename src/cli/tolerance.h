@@ -40,6 +40,10 @@ struct PatchSizeError {
 };
 PatchSizeError patchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting);
 
+// The same for patches of `size` that gather facets, by joining them to those of two and four times the size.
+PatchSizeError gatheredPatchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const Scene& scene, const FacetSet& facets, const Lighting& lighting,
+                                    const PatchOptions& size);
+
 // The same for patches of several sizes, by joining those that have three siblings of their size, nearly all, and the order that
 // the trial has shown.
 double adaptedPatchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting, const Adapting& adapting);

@@ -16,6 +16,7 @@ void takeAdapted(RunState& run, const Adapting& a) {
 
 void applyOptions(RunState& run) {
   run.options.patchSize = run.plan->size.size;
+  run.options.cluster = run.plan->size.cluster;
   if (run.plan->size.size == 0) run.options.patches = run.plan->size.count;
   run.options.shadowRays = run.plan->setting.shadowRays;
   run.options.residual = run.plan->setting.residual;
@@ -61,10 +62,17 @@ bool applyRefined(RunState& run, const TolerancePlan& next) {
   }
 }
 
+double patchError(const RunState& run) {
+  if (run.plan->adapted) return adaptedPatchErrorOf(*run.f, run.patches, run.facets, run.lighting, *run.plan->adapted);
+  PatchOptions size = patchOptionsOf(run.options);
+  if (size.cluster == 0) return patchErrorOf(*run.f, run.patches, run.facets, run.lighting).error;
+  if (size.size == 0) size.size = sizeForClusters(run.facets, size.count);
+  return gatheredPatchErrorOf(*run.f, run.patches, run.scene, run.facets, run.lighting, size).error;
+}
+
 ErrorParts errorParts(RunState& run) {
   ErrorParts e;
-  e.patches = run.plan->adapted ? adaptedPatchErrorOf(*run.f, run.patches, run.facets, run.lighting, *run.plan->adapted)
-                                : patchErrorOf(*run.f, run.patches, run.facets, run.lighting).error;
+  e.patches = patchError(run);
   Replicates none;
   none.patches = run.replicates.patches;
   const auto by = [&](const DirectLight& direct) {

@@ -9,24 +9,26 @@ namespace {
 
 // Facets side by side: those that share an edge, by its two points.
 std::vector<std::vector<uint32_t>> neighboursOf(const FacetSet& facets) {
-  std::unordered_map<uint64_t, std::vector<uint32_t>> byEdge;
+  std::vector<std::pair<uint64_t, uint32_t>> edges;
   for (uint32_t f = 0; f < facets.facets.size(); ++f) {
     const Facet& facet = facets.facets[f];
     const size_t n = facet.cornerCount();
     for (size_t k = 0; k < n; ++k) {
       const auto [a, b] = std::minmax(facet.corners[k], facet.corners[(k + 1) % n]);
-      byEdge[uint64_t{a} << 32 | b].push_back(f);
+      edges.emplace_back(uint64_t{a} << 32 | b, f);
     }
   }
+  std::sort(edges.begin(), edges.end());
   std::vector<std::vector<uint32_t>> result(facets.facets.size());
-  for (const auto& [edge, sharing] : byEdge) {
-    for (const uint32_t a : sharing) {
-      for (const uint32_t b : sharing) {
-        if (a != b) result[a].push_back(b);
+  for (size_t first = 0, last = 0; first < edges.size(); first = last) {
+    while (last < edges.size() && edges[last].first == edges[first].first) ++last;
+    for (size_t i = first; i < last; ++i) {
+      for (size_t k = first; k < last; ++k) {
+        if (edges[i].second != edges[k].second) result[edges[i].second].push_back(edges[k].second);
       }
     }
   }
-  for (auto& list : result) std::sort(list.begin(), list.end());  // the map's order is nobody's
+  for (auto& list : result) std::sort(list.begin(), list.end());
   return result;
 }
 

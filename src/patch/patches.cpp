@@ -176,6 +176,25 @@ double sizeForPatches(const FacetSet& facets, size_t count) {
   return sizeForCount(facets, edges, targetCells(facets, count)) * facets.frame.size;
 }
 
+double sizeForClusters(const FacetSet& facets, size_t count) {
+  double area = 0;
+  for (const Facet& f : facets.facets) area += f.area;
+  return std::sqrt(area / static_cast<double>(count)) * facets.frame.size;
+}
+
+std::vector<uint32_t> joinedTo(const PatchSet& wider, const PatchSet& patches, const FacetSet& facets) {
+  std::vector<uint32_t> joined(patches.size());
+  for (uint32_t p = 0; p < joined.size(); ++p) {
+    const Cell& cell = patches.cells[patches.cellsOf(p)[0]];
+    const bool parallelogram = facets.facets[cell.facet].parallelogram;
+    const double middle = parallelogram ? 0.5 : 1.0 / 3;
+    const Vec2 at = cellPoint(patches.grids[cell.facet], parallelogram, cell, middle, middle);
+    const CellGrid& grid = wider.grids[cell.facet];
+    joined[p] = wider.cellMap[(cell.back ? grid.backCell : grid.frontCell) + cellAt(grid, parallelogram, at.x, at.y)];
+  }
+  return joined;
+}
+
 std::vector<uint32_t> joinedCells(const PatchSet& patches, const FacetSet& facets, uint32_t along) {
   std::vector<uint32_t> map(patches.cells.size());
   std::vector<uint32_t> numbers;  // of one facet's joined cells, on the side at hand
@@ -273,10 +292,8 @@ PatchSet buildPatches(const Scene& scene, const FacetSet& facets, const PatchOpt
   for (const Facet& f : facets.facets) edges.push_back(edgeLengths(facets, f));
   const bool clustered = options.cluster > 0 && options.levels == 0;
   double size = options.size / facets.frame.size;
-  if (size <= 0 && clustered) {  // squares of this size have the area of all
-    double area = 0;
-    for (const Facet& f : facets.facets) area += f.area;
-    size = std::sqrt(area / static_cast<double>(options.count));
+  if (size <= 0 && clustered) {
+    size = sizeForClusters(facets, options.count) / facets.frame.size;
   } else if (size <= 0) {
     size = sizeForCount(facets, edges, targetCells(facets, options.count));
   }

@@ -103,6 +103,11 @@ std::array<uint32_t, 4> finerCells(const CellGrid& grid, bool parallelogram, uin
 
 // The cell size at which buildPatches makes about `count` patches [scene units].
 double sizeForPatches(const FacetSet& facets, size_t count);
+// The same where facets are gathered: squares of this size have the area of all. Facets that stand apart come on top.
+double sizeForClusters(const FacetSet& facets, size_t count);
+
+// For every patch the one of `wider`, larger patches of the same facets, in which its first cell lies.
+std::vector<uint32_t> joinedTo(const PatchSet& wider, const PatchSet& patches, const FacetSet& facets);
 
 // Removes all patches but these (ascending): the cells of the others map to kNone, as black backs do.
 void keepPatches(PatchSet& patches, const std::vector<uint32_t>& kept);

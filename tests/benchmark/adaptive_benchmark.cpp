@@ -45,11 +45,7 @@ struct Line {
 
 void detailedModel(double seconds) {
   Log log(true);
-  std::vector<test::TestSurface> surfaces = test::closedBox({4, 4, 3});
-  surfaces.push_back({"lamp", {{{1.5, 1.5, 2.98}, {1.5, 2.5, 2.98}, {2.5, 2.5, 2.98}, {2.5, 1.5, 2.98}}}});
-  surfaces.back().emission = Rgb(10);
-  surfaces.push_back(test::bumpyBall(50000, {2, 2, 1.15}));
-  const Scene scene = test::loadSurfaces(surfaces);
+  const Scene scene = test::loadSurfaces(test::ballRoom(50000));
   const FacetSet facets = buildFacets(scene, log);
   Options options;
   options.command = Command::solve;

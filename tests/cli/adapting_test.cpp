@@ -1,6 +1,7 @@
 // --adapt: patches of different sizes against patches of one size, on the same fine solution.
 #include "cli/tolerance.h"
 #include "program.h"
+#include "reference/gathering.h"
 #include "test_scene.h"
 
 #include <fmt/format.h>
@@ -131,12 +132,8 @@ std::map<std::string, double> fluxes(const std::string& csv) {
 
 // A ball of 5,000 triangles: a fifth of the patches give what a patch per triangle gives.
 TEST(Clusters, LightARoomAsAPatchPerTriangle) {
-  std::vector<TestSurface> surfaces = closedBox({4, 4, 3});
-  surfaces.push_back({"lamp", {{{1.5, 1.5, 2.98}, {1.5, 2.5, 2.98}, {2.5, 2.5, 2.98}, {2.5, 1.5, 2.98}}}});
-  surfaces.back().emission = Rgb(10);
-  surfaces.push_back(bumpyBall(5000, {2, 2, 1.15}));
   const TemporaryFolder folder;
-  writeText(folder.path("ball.gltf"), gltfOf(surfaces).dump());
+  writeText(folder.path("ball.gltf"), gltfOf(ballRoom(5000)).dump());
   const auto run = [&](const std::string& command, const std::string& options) {
     const Outcome o = farol(command + " " + folder.path("ball.gltf") + " " + options + " --report " + folder.path("r.json"));
     EXPECT_EQ(o.exitCode, 0) << o.err;
@@ -155,6 +152,37 @@ TEST(Clusters, LightARoomAsAPatchPerTriangle) {
   run("factors", "--patches 1000 --cluster 20 -o " + folder.path("F.npz") + " --method rays --rays 1024");
   EXPECT_EQ(run("solve", "--factors " + folder.path("F.npz") + " --patches-csv " + folder.path("kept.csv")), gathered);
   EXPECT_EQ(readText(folder.path("kept.csv")), readText(folder.path("gathered.csv")));
+}
+
+// A tolerance finds that for itself: on some thousand patches of 8,000 triangles H is as good as asked for.
+TEST(Clusters, AreChosenByATolerance) {
+  const TemporaryFolder folder;
+  const std::string path = folder.path("ball.gltf");
+  writeText(path, gltfOf(ballRoom(8000)).dump());
+  const Outcome o = farol("solve " + path + " --tolerance 0.03 --patches-csv " + folder.path("p.csv") + " --report " + folder.path("r.json"));
+  ASSERT_EQ(o.exitCode, 0) << o.err;
+  EXPECT_THAT(o.out, HasSubstr("--cluster 15"));
+  const json r = json::parse(readText(folder.path("r.json")));
+  const std::string command = r["equivalent_command"];
+  EXPECT_THAT(command, HasSubstr("--cluster 15"));
+  Log log(true);
+  const Scene scene = loadScene(path, log);
+  const FacetSet facets = buildFacets(scene, log);
+  const size_t at = command.find("--patch-size ") + 13;
+  const PatchSet patches = buildPatches(scene, facets, {0, std::stod(command.substr(at)), 0, 15});
+  ASSERT_EQ(patches.size(), r["counts"]["patches"].get<size_t>());
+  EXPECT_LT(patches.size(), facets.facets.size() / 4);
+  std::vector<Rgb> h;
+  const auto lines = readCsv(folder.path("p.csv"));
+  for (size_t k = 1; k < lines.size(); ++k) h.emplace_back(std::stod(lines[k].at(18)), std::stod(lines[k].at(19)), std::stod(lines[k].at(20)));
+  const Tracer tracer(facets);
+  const LampPlan lamps = chooseLamps(facets, patches, {});
+  const PathGatherer gatherer(tracer, facets, patches, scene, lamps, Rgb(0), {});
+  const PatchSet* set = &patches;
+  const HError e = errorOf(h, patches, gatherIrradiance(gatherer, tracer, facets, std::span(&set, 1), 5, 77, [](double) {})[0]);
+  fmt::print("{} patches of {} facets: {:.2f} % (resolved to {:.2f})\n", patches.size(), facets.facets.size(), 100 * e.error, 100 * e.noise);
+  EXPECT_LE(e.error, 0.03);
+  EXPECT_LE(e.noise, 0.02);
 }
 
 // Fewer rays make rows noisy, but hardly patches smaller: a tenth more where the noise of rows is left in.

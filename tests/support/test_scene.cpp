@@ -170,6 +170,14 @@ TestSurface bumpyBall(int triangles, const Vec3& centre) {
   return ball;
 }
 
+std::vector<TestSurface> ballRoom(int triangles) {
+  std::vector<TestSurface> surfaces = closedBox({4, 4, 3});
+  surfaces.push_back({"lamp", {{{1.5, 1.5, 2.98}, {1.5, 2.5, 2.98}, {2.5, 2.5, 2.98}, {2.5, 1.5, 2.98}}}});
+  surfaces.back().emission = Rgb(10);
+  surfaces.push_back(bumpyBall(triangles, {2, 2, 1.15}));
+  return surfaces;
+}
+
 std::vector<TestSurface> colouredBox() {
   auto box = closedBox({1, 2, 3});
   const Rgb rho[6] = {{0.7, 0.05, 0.05}, {0.1, 0.45, 0.1}, {0.75, 0.7, 0.65},

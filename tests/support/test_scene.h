@@ -58,6 +58,8 @@ std::vector<TestSurface> closedBox(const Vec3& size, const Rgb& reflectance = Rg
 
 // A bumpy ball of about so many triangles, of radius 0.9, at a point.
 TestSurface bumpyBall(int triangles, const Vec3& centre);
+// The same in a closed room of 4 x 4 x 3 with a lamp below its ceiling.
+std::vector<TestSurface> ballRoom(int triangles);
 
 std::vector<TestSurface> colouredBox();  // 1 x 2 x 3, coloured walls, the ceiling emits (truth B4b)
 
