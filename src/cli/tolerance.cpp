@@ -418,21 +418,53 @@ TolerancePlan planFor(const Options& options, const Scene& scene, const FacetSet
   return Planner(options, scene, facets, method).plan();
 }
 
+namespace {
+
+// By what some parts of an error must shrink so that the whole is below `target`: the largest alone, or the largest two or
+// three by the same factor, where the others leave room for that. What is not to change is 1.
+struct Shrink {
+  double patches = 1, rows = 1, light = 1;
+};
+Shrink shrinkTo(double target, const ErrorParts& found, bool patchesFixed, bool rowsFixed, bool lightFixed) {
+  constexpr double kRoom = 0.3;  // of the target's square
+  Shrink shrink;
+  struct Part {
+    double error;
+    double* factor;
+  };
+  std::vector<Part> parts;
+  if (!patchesFixed) parts.push_back({found.patches, &shrink.patches});
+  if (!rowsFixed) parts.push_back({found.rows, &shrink.rows});
+  if (!lightFixed) parts.push_back({found.light, &shrink.light});
+  std::sort(parts.begin(), parts.end(), [](const Part& a, const Part& b) { return a.error > b.error; });
+  double rest = found.total() * found.total(), some = 0;
+  for (size_t k = 0; k < parts.size() && parts[k].error > 0; ++k) {
+    rest -= parts[k].error * parts[k].error;
+    some += parts[k].error * parts[k].error;
+    const double left = std::max(target * target - rest, kRoom * target * target);
+    for (size_t j = 0; j <= k; ++j) *parts[j].factor = std::min(1.0, std::sqrt(left / some));
+    if (target * target - rest >= kRoom * target * target) break;
+  }
+  return shrink;
+}
+
+}  // namespace
+
 TolerancePlan refined(const TolerancePlan& plan, const Options& options, const FacetSet& facets, const ErrorParts& found) {
   TolerancePlan next = plan;
-  const double over = found.total() / (kMargin * options.tolerance);
   const bool rays = plan.setting.spec.kind == Kind::rays;
   const bool rowsFixed = plan.setting.spec.kind == Kind::exact || (rays ? options.gave("--rays") : options.gave("--resolution"));
-  constexpr double kWorth = 0.3;  // parts below this share of the error are left as they are
-  if (!rowsFixed && found.rows > kWorth * found.total()) scaleSamples(next.setting.spec, std::pow(over, 1 / orderOf(plan.setting.spec)) * 1.1);
-  if (!options.gave("--shadow-rays") && found.light > kWorth * found.total())
-    next.setting.shadowRays = evenCount(worthOf(plan.setting.shadowRays) * std::pow(over, 1 / kSampleOrder) * 1.1, kLeastShadowRays, kMostRays);
-  if (plan.adapted && found.patches > kWorth * found.total()) {
-    next.adapt = std::stod(fmt::format("{:.2g}", plan.adapt / over / 1.05));
+  const bool patchesFixed = !plan.adapted && options.gave("--patches");
+  const Shrink shrink = shrinkTo(kMargin * options.tolerance, found, patchesFixed, rowsFixed, options.gave("--shadow-rays"));
+  if (shrink.rows < 1) scaleSamples(next.setting.spec, std::pow(shrink.rows, -1 / orderOf(plan.setting.spec)) * 1.1);
+  if (shrink.light < 1)
+    next.setting.shadowRays = evenCount(worthOf(plan.setting.shadowRays) * std::pow(shrink.light, -1 / kSampleOrder) * 1.1, kLeastShadowRays, kMostRays);
+  if (plan.adapted && shrink.patches < 1) {
+    next.adapt = std::stod(fmt::format("{:.2g}", plan.adapt * shrink.patches / 1.05));
     next.adapted.reset();
-  } else if (!options.gave("--patches") && !plan.adapted && found.patches > kWorth * found.total()) {
+  } else if (shrink.patches < 1) {
     constexpr double kOrder = 1.5;
-    const double smaller = std::pow(over, -1 / kOrder) / 1.05;
+    const double smaller = std::pow(shrink.patches, 1 / kOrder) / 1.05;
     next.size.size = plan.size.size > 0 ? plan.size.size * smaller : sizeForPatches(facets, plan.size.count) * smaller;
     next.size.count = 0;
   }

@@ -48,7 +48,8 @@ PatchSizeError gatheredPatchErrorOf(const FormFactorMatrix& f, const PatchSet& p
 // the trial has shown.
 double adaptedPatchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting, const Adapting& adapting);
 
-// The same plan with its samples and patches raised where `found` exceeds the tolerance; patches are to be adapted anew.
+// The same plan with samples or patches raised, the largest part of the error `found` first, until the whole is predicted to be
+// below the tolerance; patches are to be adapted anew.
 TolerancePlan refined(const TolerancePlan& plan, const Options& options, const FacetSet& facets, const ErrorParts& found);
 
 }  // namespace farol
