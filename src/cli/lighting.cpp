@@ -74,6 +74,7 @@ void LightingMaker::addThroughMirrors(const PatchSet& patches, const MethodSpec&
   constexpr uint32_t kPerShadowRay = 16;  // few of them meet a lamp
   // Two halves of one sequence: their difference tells the error.
   std::array<std::vector<Rgb>, 2> half;
+  Progress progress(log_, "light over mirrors and through glass", "rows", half.size() * rows.size());
   for (uint32_t h = 0; h < half.size(); ++h) {
     half[h].assign(patches.size(), Rgb(0));
     RayOptions o;
@@ -84,7 +85,7 @@ void LightingMaker::addThroughMirrors(const PatchSet& patches, const MethodSpec&
     o.continuedOnly = true;
     LampLight red(patches, direct, 0, half[h]), green(patches, direct, 1, half[h]), blue(patches, direct, 2, half[h]);
     red.setChannels(&green, &blue);
-    RayRowMaker(methods_.tracer(), facets_, patches, o).makeRows(rows, red, [](size_t) {});
+    RayRowMaker(methods_.tracer(), facets_, patches, o).makeRows(rows, red, [&](size_t done) { progress.update(h * rows.size() + done); });
     direct.rays += rows.size() * o.rays;
   }
   for (const uint32_t i : rows) {
@@ -100,7 +101,10 @@ void LightingMaker::addDirect(const Scene& scene, const PatchSet& patches, const
   if (lighting.plan.lamps.empty() && scene.lights.empty()) return;
   std::vector<double> exposed(patches.size());
   for (size_t i = 0; i < exposed.size(); ++i) exposed[i] = f.shares(i).exposed;
-  lighting.direct = lamps(lighting.plan, scene, patches, options_.seed).compute(exposed);
+  {
+    Progress progress(log_, "direct light", "patches", 2 * patches.size());
+    lighting.direct = lamps(lighting.plan, scene, patches, options_.seed).compute(exposed, [&](size_t done) { progress.update(done); });
+  }
   lighting.direct.apart = lighting.plan.apart;
   if (patches.anySpecular() && !lighting.plan.lamps.empty()) {
     std::vector<uint32_t> all(patches.size());

@@ -328,7 +328,7 @@ std::vector<uint32_t> DirectIrradiance::neighboursOf(uint32_t patch) const {
   return neighbours;
 }
 
-DirectLight DirectIrradiance::compute(const std::vector<double>& exposed) const {
+DirectLight DirectIrradiance::compute(const std::vector<double>& exposed, const std::function<void(size_t)>& done) const {
   const auto n = static_cast<uint32_t>(patches_.size());
   DirectLight result;
   result.irradiance.assign(n, Rgb(0));
@@ -340,9 +340,16 @@ DirectLight DirectIrradiance::compute(const std::vector<double>& exposed) const 
     estimates[i] = gather(receiverOf(i, exposed[i]), rays);
     estimates[i].rays += before;
   };
+  const auto forAll = [&](size_t before, const auto& use) {
+    constexpr uint32_t kAtOnce = 1u << 14;
+    for (uint32_t first = 0; first < n; first += kAtOnce) {
+      tbb::parallel_for(first, std::min(n, first + kAtOnce), use);
+      done(before + std::min(n, first + kAtOnce));
+    }
+  };
   // A patch's own rays must not decide whether it gets more: patches whose first rays happen to agree would keep them, which
   // biases the mean. Patches with few neighbours on their facet have few to ask.
-  tbb::parallel_for(0u, n, [&](uint32_t i) {
+  forAll(0, [&](uint32_t i) {
     const bool asks = patches_.cellsOf(i).size() == 1 && neighboursOf(i).size() >= kEnoughToAsk;
     shoot(i, asks ? std::min(options_.shadowRays, std::max(kFewestToAsk, options_.shadowRays / kElsewhere)) : options_.shadowRays);
   });
@@ -351,7 +358,7 @@ DirectLight DirectIrradiance::compute(const std::vector<double>& exposed) const 
     const std::vector<uint32_t> neighbours = neighboursOf(i);
     penumbra[i] = std::any_of(neighbours.begin(), neighbours.end(), [&](uint32_t k) { return estimates[k].partly; });
   });
-  tbb::parallel_for(0u, n, [&](uint32_t i) {
+  forAll(n, [&](uint32_t i) {
     if (penumbra[i] != 0) shoot(i, kPenumbraFactor * options_.shadowRays);
   });
   for (uint32_t i = 0; i < n; ++i) {

@@ -4,6 +4,8 @@
 #include "formfactor/form_factors.h"
 #include "light/shadow_packet.h"
 
+#include <functional>
+
 namespace farol {
 
 struct DirectOptions {
@@ -32,8 +34,9 @@ class DirectIrradiance {
   DirectIrradiance(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, std::span<const Lamp> lamps,
                    std::span<const PunctualLight> lights, const DirectOptions& options);
 
-  // `exposed` as in RowShares, per patch.
-  DirectLight compute(const std::vector<double>& exposed) const;
+  // `exposed` as in RowShares, per patch. `done` is called now and then, by the caller's thread, with a number that rises to
+  // twice that of patches: penumbras are looked at again.
+  DirectLight compute(const std::vector<double>& exposed, const std::function<void(size_t)>& done = [](size_t) {}) const;
 
   struct Estimate {
     Rgb irradiance{0};

@@ -26,7 +26,9 @@ class Judge {
 
   // Of the H of a --patches-csv file, on the patches of a command that repeats the run.
   HError judge(const std::string& csv, const std::string& command, double tolerance, double seconds) {
-    auto& known = known_[textAfter(command, "--patch-size ") + textAfter(command, "--patches ") + textAfter(command, "--adapt ") + textAfter(command, "--seed ")];
+    // Patches of several sizes depend on the seed of their trial.
+    const std::string adapted = textAfter(command, "--adapt ");
+    auto& known = known_[textAfter(command, "--patch-size ") + textAfter(command, "--patches ") + textAfter(command, "--cluster ") + adapted + (adapted.empty() ? "" : textAfter(command, "--seed "))];
     if (!known) known = std::make_unique<Known>(Known{patchesOf(command), {}, 0});
     PatchSet& patches = known->patches;
     std::vector<Rgb> h(patches.size(), Rgb(0));
@@ -35,7 +37,7 @@ class Judge {
       for (size_t c = 0; c < 3; ++c) h[i][static_cast<int>(c)] = std::stod(lines.at(i + 1).at(18 + c));
     }
     HError error;
-    constexpr double kResolved = 4;
+    constexpr double kResolved = 5;
     for (double more = 2; known->spent == 0 || ((error = of(h, *known)).noise > std::max(tolerance, error.error) / kResolved && known->spent < seconds); more *= 2) {
       known->truth = gather(patches, more);
       known->spent = more;
@@ -61,7 +63,7 @@ class Judge {
     for (std::string& a : arguments) argv.push_back(a.data());
     bool handled = false;
     const Options o = parseOptions(static_cast<int>(argv.size()), argv.data(), handled);
-    if (o.adapt == 0) return buildPatches(scene_, facets_, {o.patches, o.patchSize});
+    if (o.adapt == 0) return buildPatches(scene_, facets_, patchOptionsOf(o));
     MethodSpec method;
     method.seed = o.seed;
     const Adapting a = adaptTo(o, scene_, facets_, method);

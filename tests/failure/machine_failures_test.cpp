@@ -67,6 +67,14 @@ TEST(MachineFailures, KilledRunsLeaveNothingHalfWritten) {
   fmt::print("{} of {} runs were killed before their end, {} had written F\n", killed, kKills, finished);
 }
 
+// Minutes of direct light through mirrors, of which a signal leaves a second.
+TEST(MachineFailures, SignalsEndDirectLight) {
+  const Stopwatch watch;
+  const std::string mirrors = FAROL_SCENES "/mirrors_and_glass/facing_mirrors.gltf";
+  EXPECT_EQ(killedAfter("solve " + mirrors + " --patches 2000 --method rays --rays 64 --shadow-rays 16384", 2, "INT"), 130);
+  EXPECT_LT(watch.seconds(), 12);
+}
+
 TEST(MachineFailures, SignalsLeaveKeptFactorsAsTheyWere) {
   const TemporaryFolder folder;
   const std::string f = folder.path("F.npz"), factors = "factors " + kCornell + " --patches 500 --rays 256 -o " + f;
