@@ -1,5 +1,6 @@
 #include "cli/forecast.h"
 
+#include "base/error.h"
 #include "cli/choices.h"
 #include "cli/factor_stage.h"
 #include "cli/light_stage.h"
@@ -76,7 +77,9 @@ StagesTried tryStages(const RunState& run, size_t count) {
   return t;
 }
 
-ForecastReport forecastOf(RunState& run, const RowProbe& probe, double matrixBytes, uint64_t resident) {
+// What the trial took, carried to all patches: rows at the rate that was measured, rows that are made again for errors
+// by their number, direct light by patches, sweeps by entries of F.
+ForecastReport forecastOf(const RunState& run, const RowProbe& probe, double matrixBytes, uint64_t resident) {
   constexpr double kTrialSeconds = 0.15, kLeastTried = 400, kSecondsPerEntry = 3e-10;
   // Heads of rows, lighting and errors, found at 4,000 to 300,000 patches; buffers of threads.
   constexpr double kBytesPerPatch = 1230, kFixedBytes = 1.5e6, kReplicates = 1.0 / 16;
@@ -98,9 +101,21 @@ ForecastReport forecastOf(RunState& run, const RowProbe& probe, double matrixByt
   return f;
 }
 
+// Where the trial is refused, solve would be.
+void sayForecast(RunState& run, const RowProbe& probe, double matrixBytes, uint64_t resident) {
+  try {
+    const ForecastReport f = forecastOf(run, probe, matrixBytes, resident);
+    run.say("solve would take {:.2g} s and {:.3g} MB (from {} patches)", f.seconds,
+            1e-6 * static_cast<double>(f.peakBytes), f.tried);
+    run.report.forecast = f;
+  } catch (const Error& e) {
+    run.say("solve would be refused: {}", e.what());
+  }
+}
+
 }  // namespace
 
-// What a run would take: exact counts, memory of F, and seconds from half a second of probe rows.
+// What a run would take: exact counts, memory of F and of the process, and seconds from some of its rows and patches.
 void forecast(RunState& run) {
   constexpr double kProbeSeconds = 0.5;
   run.say(
@@ -129,11 +144,7 @@ void forecast(RunState& run) {
   if (run.report.emittingPatches > 0) run.say("emitters: {}", plan.why);
   run.say("form factors would take {:.3g} s ({:.0f} rows/s measured)",
           static_cast<double>(probe.rows) / probe.rowsPerSecond, probe.rowsPerSecond);
-  if (run.lit()) {
-    run.report.forecast = forecastOf(run, probe, storage.bytes, resident);
-    run.say("solve would take {:.2g} s and {:.3g} MB (from {} patches)", run.report.forecast->seconds,
-            1e-6 * static_cast<double>(run.report.forecast->peakBytes), run.report.forecast->tried);
-  }
+  if (run.lit()) sayForecast(run, probe, storage.bytes, resident);
   run.report.clock.finish("probe");
 }
 

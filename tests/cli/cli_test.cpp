@@ -223,6 +223,17 @@ TEST(Info, ForecastsTheMemoryOfF) {
   }
 }
 
+TEST(Info, TellsWhereSolveWouldBeRefused) {
+  const TemporaryFolder folder;
+  auto box = closedBox({1, 1, 1}, Rgb(1));
+  for (TestSurface& wall : box) wall.emission = Rgb(1);
+  writeText(folder.path("lossless.gltf"), gltfOf(box).dump());
+  ASSERT_EQ(farol("solve " + folder.path("lossless.gltf") + " --patches 100").exitCode, 1);
+  const Outcome o = farol("info " + folder.path("lossless.gltf") + " --patches 100");
+  EXPECT_EQ(o.exitCode, 0) << o.err;
+  EXPECT_THAT(o.out, HasSubstr("solve would be refused"));
+}
+
 // Of the whole process: lists of hits, dense rows that end as lists, several sizes of patches, hemicubes.
 TEST(Info, ForecastsThePeakOfMemory) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__) || defined(__clang__)
