@@ -30,6 +30,24 @@ DirectLight directLight(RayRun& run, const std::vector<PunctualLight>& lights, c
   return light.compute(std::vector<double>(run.patches.size(), 1.0));
 }
 
+// Patches are looked at some thousands at a time: none is left out, and their flux is that of fewer.
+TEST(DirectLight, ReachesTensOfThousandsOfPatches) {
+  std::array<double, 2> flux{};
+  for (const size_t k : {size_t{0}, size_t{1}}) {
+    RayRun run(loadSurfaces(lampRoom(true)), {k == 0 ? size_t{2000} : size_t{40000}, 0}, {});
+    size_t last = 0;
+    const LampPlan plan = chooseLamps(run.facets, run.patches, {});
+    const DirectIrradiance light(run.tracer, run.facets, run.patches, plan.lamps, {}, {});
+    const DirectLight d = light.compute(std::vector<double>(run.patches.size(), 1.0), [&](size_t done) {
+      EXPECT_GT(done, last);
+      last = done;
+    });
+    EXPECT_EQ(last, 2 * run.patches.size());
+    for (size_t i = 0; i < run.patches.size(); ++i) flux[k] += run.patches.patches[i].area * d.irradiance[i].r;
+  }
+  EXPECT_NEAR(flux[1], flux[0], 0.002 * flux[0]);
+}
+
 TEST(DirectLight, OfALampIsTheClosedFormWhereNothingBlocks) {
   RayRun run(loadSurfaces(lampRoom(false)), {600, 0}, {});
   const DirectLight d = directLight(run, {});

@@ -1,4 +1,5 @@
 // farol chart and --tolerance, as a user sees them.
+#include "cli/tolerance.h"
 #include "program.h"
 #include "test_scene.h"
 
@@ -191,6 +192,34 @@ TEST_F(Tolerance, RefinementBeyondMemoryIsLeft) {
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 1 + r["counts"]["patches"].get<int>());
   ASSERT_EQ(farol(r["equivalent_command"].get<std::string>().substr(6)).exitCode, 0);
   EXPECT_EQ(readText(path("p.csv")), csv);
+}
+
+// The largest part of an error alone where that is enough; parts that are as large shrink together; what is given stays.
+TEST(Refined, ShrinksNoMoreThanItMust) {
+  Options options;
+  options.tolerance = 0.03;
+  TolerancePlan plan;
+  plan.size = {0, 0.5};
+  plan.setting.spec.rays = 256;
+  plan.setting.shadowRays = 64;
+  const FacetSet none;
+  const auto size = [&](const TolerancePlan& next) { return next.size.size / plan.size.size; };
+  const TolerancePlan coarse = refined(plan, options, none, {0.04, 0.004, 0.01, 0});
+  EXPECT_LT(size(coarse), 0.7);
+  EXPECT_EQ(coarse.setting.spec.rays, 256u);
+  EXPECT_EQ(coarse.setting.shadowRays, 64u);
+  const TolerancePlan noisy = refined(plan, options, none, {0.01, 0.05, 0.004, 0});
+  EXPECT_EQ(size(noisy), 1);
+  EXPECT_GT(noisy.setting.spec.rays, 512u);
+  EXPECT_EQ(noisy.setting.shadowRays, 64u);
+  const TolerancePlan both = refined(plan, options, none, {0.03, 0.03, 0.002, 0});
+  EXPECT_LT(size(both), 1);
+  EXPECT_GT(both.setting.spec.rays, 256u);
+  EXPECT_EQ(both.setting.shadowRays, 64u);
+  options.given = {"--rays"};
+  const TolerancePlan given = refined(plan, options, none, {0.01, 0.05, 0.004, 0});
+  EXPECT_EQ(given.setting.spec.rays, 256u);  // and nothing else would be enough
+  EXPECT_EQ(size(given), 1);
 }
 
 TEST_F(Tolerance, KeepsWhatIsGiven) {

@@ -204,6 +204,21 @@ TEST(Patches, OfATreeCoverTheirFacets) {
   }
 }
 
+// Patches lie in those of twice the size: on even grids as cells are joined two by two, and each in itself.
+TEST(Patches, JoinToLargerOnes) {
+  const Scene scene = loadSurfaces(closedBox({1, 2, 3}));
+  const Cut fine(scene, {1, 0.125}), wide(scene, {1, 0.25});
+  const std::vector<uint32_t> joined = joinedTo(wide.patches, fine.patches, fine.facets), byTwo = joinedCells(fine.patches, fine.facets, 2);
+  std::map<uint32_t, uint32_t> known;
+  for (uint32_t p = 0; p < fine.patches.size(); ++p) EXPECT_EQ(known.try_emplace(byTwo[fine.patches.cellsOf(p)[0]], joined[p]).first->second, joined[p]);
+  EXPECT_EQ(known.size(), wide.patches.size());
+  PatchOptions options{1, 0.4};
+  options.cluster = 15;
+  const Cut ball(loadSurfaces({bumpyBall(2000, {0, 0, 1.2})}), options);
+  const std::vector<uint32_t> own = joinedTo(ball.patches, ball.patches, ball.facets);
+  for (uint32_t p = 0; p < own.size(); ++p) EXPECT_EQ(own[p], p);
+}
+
 // Facets of a ball are gathered; those of the floor, which are larger than a patch, and of a lamp are not.
 TEST(Patches, GatherSmallFacetsThatTurnLittle) {
   std::vector<TestSurface> surfaces{bumpyBall(2000, {0, 0, 1.2}), bumpyBall(2000, {3, 0, 1.2}), {"floor", {{{-2, -2, 0}, {6, -2, 0}, {6, 2, 0}, {-2, 2, 0}}}}};
