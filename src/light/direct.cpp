@@ -340,11 +340,13 @@ DirectLight DirectIrradiance::compute(const std::vector<double>& exposed, const 
     estimates[i] = gather(receiverOf(i, exposed[i]), rays);
     estimates[i].rays += before;
   };
+  // Rounds of some tenths of a second, so that progress and interruption stay on the calling thread.
+  constexpr uint32_t kRaysPerRound = 1u << 22, kFewest = 64, kMost = 1u << 14;
+  const uint32_t atOnce = std::clamp(kRaysPerRound / options_.shadowRays, kFewest, kMost);
   const auto forAll = [&](size_t before, const auto& use) {
-    constexpr uint32_t kAtOnce = 1u << 14;
-    for (uint32_t first = 0; first < n; first += kAtOnce) {
-      tbb::parallel_for(first, std::min(n, first + kAtOnce), use);
-      done(before + std::min(n, first + kAtOnce));
+    for (uint32_t first = 0; first < n; first += atOnce) {
+      tbb::parallel_for(first, std::min(n, first + atOnce), use);
+      done(before + std::min(n, first + atOnce));
     }
   };
   // A patch's own rays must not decide whether it gets more: patches whose first rays happen to agree would keep them, which

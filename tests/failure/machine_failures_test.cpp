@@ -67,12 +67,13 @@ TEST(MachineFailures, KilledRunsLeaveNothingHalfWritten) {
   fmt::print("{} of {} runs were killed before their end, {} had written F\n", killed, kKills, finished);
 }
 
-// Minutes of direct light through mirrors, of which a signal leaves a second.
+// Half a minute of shadow rays, and of light through mirrors, of which a signal leaves a second.
 TEST(MachineFailures, SignalsEndDirectLight) {
-  const Stopwatch watch;
-  const std::string mirrors = FAROL_SCENES "/mirrors_and_glass/facing_mirrors.gltf";
-  EXPECT_EQ(killedAfter("solve " + mirrors + " --patches 2000 --method rays --rays 64 --shadow-rays 16384", 2, "INT"), 130);
-  EXPECT_LT(watch.seconds(), 12);
+  for (const char* settings : {"cornell_box/cornell_box.gltf --patches 200000 --shadow-rays 8192", "mirrors_and_glass/facing_mirrors.gltf --patches 24000 --shadow-rays 1024"}) {
+    const Stopwatch watch;
+    EXPECT_EQ(killedAfter(fmt::format("solve {}/{} --method rays --rays 64", FAROL_SCENES, settings), 4, "INT"), 130);
+    EXPECT_LT(watch.seconds(), 12) << settings;
+  }
 }
 
 TEST(MachineFailures, SignalsLeaveKeptFactorsAsTheyWere) {
