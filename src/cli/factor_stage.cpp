@@ -29,9 +29,8 @@ void repair(RunState& run) {
 
 // Their differences to F's rows tell the error of H.
 void replicateRows(RunState& run) {
-  constexpr size_t kFewest = 384, kShare = 16;
   run.replicates = replicatesOf(run.methods, run.patches, *run.spec, *run.f,
-                                std::max(run.spec->hemicubes() ? kFewest / 2 : kFewest, run.patches.size() / kShare));
+                                replicatedRows(run.patches.size(), run.spec->hemicubes()));
 }
 
 void reportRowErrors(RunState& run) {
@@ -46,6 +45,11 @@ void reportRowErrors(RunState& run) {
 }
 
 }  // namespace
+
+size_t replicatedRows(size_t patches, bool hemicubes) {
+  constexpr size_t kFewest = 384, kMost = 16384, kShare = 16;
+  return std::clamp(patches / kShare, hemicubes ? kFewest / 2 : kFewest, kMost);
+}
 
 void makeFactors(RunState& run) {
   const StorageChoice storage = chooseStorage(run.situation, *run.spec);

@@ -8,6 +8,9 @@ namespace farol {
 // By run.spec, for run.patches.
 void makeFactors(RunState& run);
 
+// Rows that are made again to tell the error of H.
+size_t replicatedRows(size_t patches, bool hemicubes);
+
 // From run.kept.
 void loadFactors(RunState& run);
 

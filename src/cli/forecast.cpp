@@ -82,7 +82,7 @@ StagesTried tryStages(const RunState& run, size_t count) {
 ForecastReport forecastOf(const RunState& run, const RowProbe& probe, double matrixBytes, uint64_t resident) {
   constexpr double kTrialSeconds = 0.15, kLeastTried = 400, kSecondsPerEntry = 3e-10;
   // Heads of rows, lighting and errors, found at 4,000 to 300,000 patches; buffers of threads.
-  constexpr double kBytesPerPatch = 1230, kFixedBytes = 1.5e6, kReplicates = 1.0 / 16;
+  constexpr double kBytesPerPatch = 1230, kFixedBytes = 1.5e6;
   const auto n = static_cast<double>(probe.rows);
   constexpr double kProcessSeconds = 0.01;  // to load and leave the program
   const double before = kProcessSeconds + run.report.clock.totalSeconds();
@@ -90,14 +90,19 @@ ForecastReport forecastOf(const RunState& run, const RowProbe& probe, double mat
   const StagesTried tried = tryStages(run, some > 0.7 * n ? run.patches.frontPatchCount : static_cast<size_t>(some));
   const double more = n / static_cast<double>(tried.rows);
   const double startup = std::max(0.0, tried.factors - static_cast<double>(tried.rows) / probe.rowsPerSecond);
-  const auto again = [](double rows) { return kProbes * 16 + std::max(384.0, rows / 16); };
+  const auto again = [&](double rows) {
+    return kProbes * 16.0 + static_cast<double>(replicatedRows(static_cast<size_t>(rows), run.spec->hemicubes()));
+  };
   const double sweeps = std::min(0.8 * tried.light, kSecondsPerEntry * tried.entries * tried.passes);
   ForecastReport f;
   f.tried = tried.patches;
   f.seconds = before + tried.device + (more > 1 ? startup + n / probe.rowsPerSecond : tried.factors) +
               tried.checks * again(n) / again(static_cast<double>(tried.rows)) + (tried.light - sweeps) * more +
               sweeps * matrixBytes / sizeof(float) / tried.entries;
-  f.peakBytes = resident + static_cast<uint64_t>(matrixBytes * (1 + kReplicates) + kBytesPerPatch * n + kFixedBytes);
+  f.peakBytes =
+      resident + static_cast<uint64_t>(
+                     matrixBytes * (1 + static_cast<double>(replicatedRows(probe.rows, run.spec->hemicubes())) / n) +
+                     kBytesPerPatch * n + kFixedBytes);
   return f;
 }
 
