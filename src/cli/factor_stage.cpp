@@ -35,6 +35,7 @@ void replicateRows(RunState& run) {
 
 void reportRowErrors(RunState& run) {
   double area = 0;
+  run.report.rowErrorMean = run.report.rowErrorMax = 0;
   for (const uint32_t i : chooseProbes(run.patches, 256)) {
     const double a = run.patches.patches[i].area * run.f->shares(i).exposed, error = run.model.rowError(i);
     run.report.rowErrorMean += a * error;

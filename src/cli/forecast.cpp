@@ -80,7 +80,7 @@ StagesTried tryStages(const RunState& run, size_t count) {
 // What the trial took, carried to all patches: rows at the rate that was measured, rows that are made again for errors
 // by their number, direct light by patches, sweeps by entries of F.
 ForecastReport forecastOf(const RunState& run, const RowProbe& probe, double matrixBytes, uint64_t resident) {
-  constexpr double kTrialSeconds = 0.15, kLeastTried = 400, kSecondsPerEntry = 3e-10;
+  constexpr double kTrialSeconds = 0.15, kLeastTried = 400;
   // Heads of rows, lighting and errors, found at 4,000 to 300,000 patches; buffers of threads.
   constexpr double kBytesPerPatch = 1230, kFixedBytes = 1.5e6;
   const auto n = static_cast<double>(probe.rows);

@@ -101,10 +101,11 @@ void LightingMaker::addDirect(const Scene& scene, const PatchSet& patches, const
   if (lighting.plan.lamps.empty() && scene.lights.empty()) return;
   std::vector<double> exposed(patches.size());
   for (size_t i = 0; i < exposed.size(); ++i) exposed[i] = f.shares(i).exposed;
-  {
+  const auto computed = [&](const LampPlan& from) {
     Progress progress(log_, "direct light", "patches", 2 * patches.size());
-    lighting.direct = lamps(lighting.plan, scene, patches, options_.seed).compute(exposed, [&](size_t done) { progress.update(done); });
-  }
+    return lamps(from, scene, patches, options_.seed).compute(exposed, [&](size_t done) { progress.update(done); });
+  };
+  lighting.direct = computed(lighting.plan);
   lighting.direct.apart = lighting.plan.apart;
   if (patches.anySpecular() && !lighting.plan.lamps.empty()) {
     std::vector<uint32_t> all(patches.size());
@@ -113,7 +114,7 @@ void LightingMaker::addDirect(const Scene& scene, const PatchSet& patches, const
     addThroughMirrors(patches, spec, all, lighting.direct);
   }
   if (!scene.lights.empty())
-    lighting.fromPunctual = lamps({}, scene, patches, options_.seed).compute(exposed).irradiance;
+    lighting.fromPunctual = computed({}).irradiance;
 }
 
 Lighting LightingMaker::solve(const Scene& scene, const PatchSet& patches, const Rgb& sky, const FormFactorMatrix& f,

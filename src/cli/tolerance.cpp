@@ -105,12 +105,13 @@ class Planner {
   }
   bool fixedShadow() const { return options_.gave("--shadow-rays"); }
 
-  // Whether facets are so many and small that gathering them leaves much fewer patches.
+  // Whether facets are so many and small that gathering them leaves much fewer patches. A hemicube takes a bent patch for flat, an
+  // error that nothing tells: by rays only.
   void considerClusters(size_t count) {
     constexpr size_t kMany = 1500;
     constexpr double kTurn = 15, kWorth = 0.7;  // [degrees]; of the patches without
     cluster_ = options_.cluster;
-    if (cluster_ > 0 || options_.gave("--cluster") || fixedPatches() || options_.patchSize > 0 || facets_.facets.size() < kMany) return;
+    if (cluster_ > 0 || plan_.setting.spec.kind != Kind::rays || options_.gave("--cluster") || fixedPatches() || options_.patchSize > 0 || facets_.facets.size() < kMany) return;
     const auto patches = [&](double turn) { return static_cast<double>(buildPatches(scene_, facets_, {count, 0, 0, turn}).size()); };
     if (patches(kTurn) < kWorth * patches(0)) cluster_ = kTurn;
   }
@@ -164,7 +165,7 @@ class Planner {
     const double n = static_cast<double>(tried_);
     costs_.perSample = t.rowSeconds / (n * samplesOf(trial.spec));
     // Direct light and solve are told apart by what a sweep costs about.
-    costs_.perEntry = 3e-10;
+    costs_.perEntry = kSecondsPerEntry;
     const double solve = costs_.perEntry * filled(n, trial.spec) * static_cast<double>(t.lighting.solution.sweeps + 2);
     sweeps_ = static_cast<double>(t.lighting.solution.sweeps + 2);
     costs_.perShadowRay = std::max(0.0, t.lightSeconds - solve) / (n * std::max(1.0, shadowShare_ * trial.shadowRays));

@@ -7,6 +7,8 @@
 
 namespace farol {
 
+inline constexpr double kSecondsPerEntry = 3e-10;  // of F, per sweep, about
+
 // How F is made and solved.
 struct Setting {
   MethodSpec spec;

@@ -66,7 +66,7 @@ JoiningError joiningError(const FormFactorMatrix& f, const PatchSet& patches, co
     }
   }
   const Channels source = groups.means(gathered(b - groups.spread(groups.means(b))));
-  // What is reflected of the change; the rest of the series by its ratio.
+  // What is reflected of the change; the rest of the series by its ratio, which two reflections show as well as four (1 %).
   constexpr int kSweeps = 2;
   Channels change = source, term = source;
   double last = term.norm(), ratio = 0;

@@ -207,18 +207,19 @@ TEST(Info, ForecastsAndWritesNothing) {
   EXPECT_TRUE(folder.files().empty());
 }
 
+nlohmann::json reportOf(const std::string& command) {
+  const TemporaryFolder folder;
+  EXPECT_EQ(farol(command + " --quiet --report " + folder.path("r.json")).exitCode, 0) << command;
+  return nlohmann::json::parse(readText(folder.path("r.json")));
+}
+
 // Dense rows, lists of hits, lists of entries; back sides that have rows; mirrors.
 TEST(Info, ForecastsTheMemoryOfF) {
-  const TemporaryFolder folder;
   const std::string scenes = FAROL_SCENES "/";
   for (const std::string run : {"cornell_box/cornell_box.gltf --patches 1000 --rays 4096", "cornell_box/cornell_box.gltf --patches 4000 --rays 256",
                                  "cornell_box/cornell_box.gltf --patches 4000 --rays 1024", "reading_corner/reading_corner.glb --patches 12000 --rays 512",
                                  "mirrors_and_glass/mirror_room.gltf --patches 1000 --rays 512"}) {
-    const auto bytesOf = [&](const std::string& command) {
-      EXPECT_EQ(farol(command + " " + scenes + run + " --method rays --quiet --report " + folder.path("r.json")).exitCode, 0);
-      return nlohmann::json::parse(readText(folder.path("r.json")))["matrix_bytes"].get<double>();
-    };
-    const double forecast = bytesOf("info"), made = bytesOf("factors");
+    const double forecast = reportOf("info " + scenes + run + " --method rays")["matrix_bytes"], made = reportOf("factors " + scenes + run + " --method rays")["matrix_bytes"];
     EXPECT_NEAR(forecast, made, 0.03 * made) << run;
   }
 }
@@ -239,16 +240,11 @@ TEST(Info, ForecastsThePeakOfMemory) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__) || defined(__clang__)
   GTEST_SKIP() << "sanitizers keep memory of their own";
 #endif
-  const TemporaryFolder folder;
   const std::string scenes = FAROL_SCENES "/";
   for (const std::string run : {"cornell_box/cornell_box.gltf --patches 40000 --rays 256 --method rays", "cornell_box/cornell_box.gltf --patches 4000 --rays 1024 --method rays",
                                  "reading_corner/reading_corner.glb --patches 30000 --rays 128 --method rays", "l_room/l_room.gltf --tolerance 0.003",
                                  "l_room/l_room.gltf --patches 6000 --resolution 32 --method raster"}) {
-    const auto reportOf = [&](const std::string& command) {
-      EXPECT_EQ(farol(command + " " + scenes + run + " --quiet --report " + folder.path("r.json")).exitCode, 0);
-      return nlohmann::json::parse(readText(folder.path("r.json")));
-    };
-    const double forecast = reportOf("info")["forecast"]["peak_bytes"], made = reportOf("solve")["peak_bytes"];
+    const double forecast = reportOf("info " + scenes + run)["forecast"]["peak_bytes"], made = reportOf("solve " + scenes + run)["peak_bytes"];
     std::printf("%s: %.1f MB of %.1f\n", run.c_str(), 1e-6 * forecast, 1e-6 * made);
     EXPECT_NEAR(forecast, made, 0.1 * made) << run;
   }
