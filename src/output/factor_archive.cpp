@@ -1,5 +1,6 @@
 #include "output/factor_archive.h"
 
+#include "base/clones.h"
 #include "base/error.h"
 #include "base/output_file.h"
 #include "output/mapped_zip.h"
@@ -21,13 +22,13 @@ namespace {
 constexpr float kMostFactor = 1024;
 
 // Both without a branch per entry: they look at all of F.
-bool ascending(std::span<const uint32_t> ids, size_t below) {
+FAROL_CLONES bool ascending(std::span<const uint32_t> ids, size_t below) {
   uint32_t wrong = 0;
   for (size_t k = 1; k < ids.size(); ++k) wrong |= ids[k] <= ids[k - 1] ? 1 : 0;
   return wrong == 0 && (ids.empty() || ids.back() < below);
 }
 // From 0 to the most, which as bits are those of the smallest numbers: signs and what is no number are above.
-bool possible(std::span<const float> factors) {
+FAROL_CLONES bool possible(std::span<const float> factors) {
   uint32_t most = 0;
   for (const float f : factors) most = std::max(most, std::bit_cast<uint32_t>(f));
   return most <= std::bit_cast<uint32_t>(kMostFactor);

@@ -15,88 +15,91 @@ template <typename Number, size_t Count>
 using Vector [[gnu::vector_size(Count * sizeof(Number))]] = Number;
 using Lanes = Vector<double, kLanes>;
 
-template <typename From>
-[[gnu::always_inline]] inline void load(const From* from, Lanes& to) {
+template <typename From, typename Number>
+[[gnu::always_inline]] inline void load(const From* from, Vector<Number, kLanes>& to) {
   Vector<From, kLanes> values;
   std::memcpy(&values, from, sizeof values);
   if constexpr (std::is_same_v<From, uint16_t>)  // by way of int, for which there are instructions
-    to = __builtin_convertvector(__builtin_convertvector(values, Vector<int32_t, kLanes>), Lanes);
+    to = __builtin_convertvector(__builtin_convertvector(values, Vector<int32_t, kLanes>), Vector<Number, kLanes>);
   else
-    to = __builtin_convertvector(values, Lanes);
+    to = __builtin_convertvector(values, Vector<Number, kLanes>);
 }
 
 // Adds what j below `last`, a multiple of the lanes, bring. Eight rows at once are more than processors fetch ahead by themselves.
-template <size_t Channels, typename Factor, size_t Rows>
-[[gnu::always_inline]] inline void denseLoop(const Factor* const* rows, const double* b, size_t n, size_t last, Lanes (*sums)[Channels]) {
-  constexpr size_t kAhead = 128, kPerLine = 64 / sizeof(Factor);
-  Lanes part[Rows][Channels];
-  std::memcpy(part, sums, sizeof part);
-  for (size_t j = 0; j < last; j += kLanes) {
-    Lanes from[Channels], f;
-    for (size_t c = 0; c < Channels; ++c) load(b + c * n + j, from[c]);
+template <size_t Channels, typename Factor, typename Number, size_t Rows>
+[[gnu::always_inline]] inline void denseLoop(const Factor* const* rows, const Number* b, size_t n, size_t last, Lanes (*sums)[Channels]) {
+  constexpr size_t kAhead = 128, kPerLine = 64 / sizeof(Factor), kTogether = 128 * kLanes;
+  for (size_t j = 0; j < last;) {
+    Vector<Number, kLanes> part[Rows][Channels] = {};
+    const size_t end = std::min(last, j + kTogether);
+    for (; j < end; j += kLanes) {
+      Vector<Number, kLanes> from[Channels], f;
+      for (size_t c = 0; c < Channels; ++c) load<Number, Number>(b + c * n + j, from[c]);
+      for (size_t r = 0; r < Rows; ++r) {
+        load<Factor, Number>(rows[r] + j, f);
+        if (j % kPerLine == 0) __builtin_prefetch(rows[r] + j + kAhead);
+        for (size_t c = 0; c < Channels; ++c) part[r][c] += f * from[c];
+      }
+    }
     for (size_t r = 0; r < Rows; ++r) {
-      load(rows[r] + j, f);
-      if (j % kPerLine == 0) __builtin_prefetch(rows[r] + j + kAhead);
-      for (size_t c = 0; c < Channels; ++c) part[r][c] += f * from[c];
+      for (size_t c = 0; c < Channels; ++c) sums[r][c] += __builtin_convertvector(part[r][c], Lanes);
     }
   }
-  std::memcpy(sums, part, sizeof part);
 }
 
-// Four entries of a list side by side, to hide the latency of additions, and a cache line of each row in turn: rows of
-// neighbours come by the same patches at about the same time. What follows in memory is mostly the next row, so it is asked
-// for ahead.
-template <size_t Channels, bool Weighted, size_t Rows>
-[[gnu::always_inline]] inline void listLoop(const ListRow* rows, const double* b, double (*sums)[Channels]) {
-  constexpr size_t kStride = Channels == 3 ? 4 : 1, kSide = 4, kAhead = 256 / Rows, kPerLine = 16;
-  using Values = std::conditional_t<kStride == 1, double, Vector<double, 4>>;
-  Values part[Rows][kSide] = {};
-  const auto add = [&](size_t r, size_t k, size_t l) __attribute__((always_inline)) {
-    Values from;
-    std::memcpy(&from, b + kStride * rows[r].ids[k + l], sizeof from);
-    if constexpr (Weighted)
-      part[r][l % kSide] += static_cast<double>(rows[r].values[k + l]) * from;
-    else
-      part[r][l % kSide] += from;
-  };
-  const auto addLine = [&](size_t r, size_t k) __attribute__((always_inline)) {
-    __builtin_prefetch(rows[r].ids + k + kAhead);
-    if constexpr (Weighted) __builtin_prefetch(rows[r].values + k + kAhead);
+// Four entries of a list side by side, to hide the latency of additions. What follows in memory is mostly the next row, so
+// it is asked for ahead.
+template <size_t Channels, bool Weighted, typename Number>
+[[gnu::always_inline]] inline void listLoop(const ListRow& row, const Number* b, double (&sums)[Channels]) {
+  constexpr size_t kStride = Channels == 3 ? 4 : 1, kSide = 4, kAhead = 256, kPerLine = 16, kTogether = 64;
+  using Values = std::conditional_t<kStride == 1, Number, Vector<Number, 4>>;
+  using Sums = std::conditional_t<kStride == 1, double, Vector<double, 4>>;
+  Sums sum{};
+  size_t k = 0;
+  while (k < row.count) {
+    Values part[kSide] = {};
+    const auto add = [&](size_t l) __attribute__((always_inline)) {
+      Values from;
+      std::memcpy(&from, b + kStride * row.ids[k + l], sizeof from);
+      if constexpr (Weighted)
+        part[l % kSide] += static_cast<Number>(row.values[k + l]) * from;
+      else
+        part[l % kSide] += from;
+    };
+    const size_t last = std::min(row.count, k + kTogether);
+    for (; k + kPerLine <= last; k += kPerLine) {
+      __builtin_prefetch(row.ids + k + kAhead);
+      if constexpr (Weighted) __builtin_prefetch(row.values + k + kAhead);
 #pragma GCC unroll 16
-    for (size_t l = 0; l < kPerLine; ++l) add(r, k, l);
-  };
-  size_t together = rows[0].count;
-  for (size_t r = 1; r < Rows; ++r) together = std::min(together, rows[r].count);
-  together -= together % kPerLine;
-  for (size_t k = 0; k < together; k += kPerLine) {
-#pragma GCC unroll 4
-    for (size_t r = 0; r < Rows; ++r) addLine(r, k);
+      for (size_t l = 0; l < kPerLine; ++l) add(l);
+    }
+    for (size_t l = 0; l < last - k; ++l) add(l);
+    k = last;
+    const Values all = (part[0] + part[1]) + (part[2] + part[3]);
+    if constexpr (kStride == 1)
+      sum += static_cast<double>(all);
+    else
+      sum += __builtin_convertvector(all, Sums);
   }
-#pragma GCC unroll 4
-  for (size_t r = 0; r < Rows; ++r) {
-    size_t k = together;
-    for (; k + kPerLine <= rows[r].count; k += kPerLine) addLine(r, k);
-    for (size_t l = 0; l < rows[r].count - k; ++l) add(r, k, l);
-    const Values sum = (part[r][0] + part[r][1]) + (part[r][2] + part[r][3]);
-    std::memcpy(sums[r], &sum, sizeof sums[r]);
-  }
+  std::memcpy(sums, &sum, sizeof sums);
 }
 
-// The loops for one kind of processor, whose registers hold the sums of GROUP rows. NOLINTBEGIN(bugprone-macro-parentheses)
+// The loops for one kind of processor, whose registers hold the sums of GROUP rows in double. NOLINTBEGIN(bugprone-macro-parentheses)
 #define FAROL_LOOPS_FOR(NAME, GROUP, TARGET)                                                                               \
   struct NAME {                                                                                                            \
-    template <size_t Channels, typename Factor, size_t Rows>                                                               \
-    TARGET static void dense(const Factor* const* rows, const double* b, size_t n, size_t last, Lanes (*sums)[Channels]) { \
-      if constexpr (Rows > (GROUP)) {                                                                                      \
-        dense<Channels, Factor, GROUP>(rows, b, n, last, sums);                                                            \
-        dense<Channels, Factor, Rows - (GROUP)>(rows + (GROUP), b, n, last, sums + (GROUP));                               \
+    template <size_t Channels, typename Factor, typename Number, size_t Rows>                                              \
+    TARGET static void dense(const Factor* const* rows, const Number* b, size_t n, size_t last, Lanes (*sums)[Channels]) { \
+      constexpr size_t kGroup = (GROUP) * sizeof(double) / sizeof(Number);                                                 \
+      if constexpr (Rows > kGroup) {                                                                                       \
+        dense<Channels, Factor, Number, kGroup>(rows, b, n, last, sums);                                                   \
+        dense<Channels, Factor, Number, Rows - kGroup>(rows + kGroup, b, n, last, sums + kGroup);                          \
       } else {                                                                                                             \
-        denseLoop<Channels, Factor, Rows>(rows, b, n, last, sums);                                                         \
+        denseLoop<Channels, Factor, Number, Rows>(rows, b, n, last, sums);                                                 \
       }                                                                                                                    \
     }                                                                                                                      \
-    template <size_t Channels, bool Weighted, size_t Rows>                                                                 \
-    TARGET static void list(const ListRow* rows, const double* b, double (*sums)[Channels]) {                              \
-      listLoop<Channels, Weighted, Rows>(rows, b, sums);                                                                   \
+    template <size_t Channels, bool Weighted, typename Number>                                                             \
+    TARGET static void list(const ListRow& row, const Number* b, double (&sums)[Channels]) {                               \
+      listLoop<Channels, Weighted, Number>(row, b, sums);                                                                  \
     }                                                                                                                      \
   };
 // NOLINTEND(bugprone-macro-parentheses)
@@ -117,45 +120,52 @@ auto chosen(Choose choose) {
   return choose(Plain{});
 }
 
+// As many rows as make whole groups of `Rows`; returns how many.
+template <size_t Rows, size_t Channels, typename Factor, typename Number>
+size_t gatherGroups(std::span<const Factor* const> rows, const Number* b, size_t n, size_t last, Lanes (*sums)[Channels]) {
+  static const auto group =
+      chosen([](auto processor) { return &decltype(processor)::template dense<Channels, Factor, Number, Rows>; });
+  size_t done = 0;
+  for (; done + Rows <= rows.size(); done += Rows) group(rows.data() + done, b, n, last, sums + done);
+  return done;
+}
+
 }  // namespace
 
-template <size_t Channels, typename Factor>
-void gatherRows(std::span<const Factor* const> rows, const double* b, size_t n, double (*sums)[Channels]) {
-  constexpr size_t kGroup = 8;
-  static const auto one = chosen([](auto processor) { return &decltype(processor)::template dense<Channels, Factor, 1>; });
-  static const auto group = chosen([](auto processor) { return &decltype(processor)::template dense<Channels, Factor, kGroup>; });
+template <size_t Channels, typename Factor, typename Number>
+void gatherRows(std::span<const Factor* const> rows, const Number* b, size_t n, double (*sums)[Channels]) {
   Lanes partial[kRowsAtOnce][Channels] = {};
   const size_t even = n / kLanes * kLanes;
-  size_t done = 0;
-  for (; done + kGroup <= rows.size(); done += kGroup) group(rows.data() + done, b, n, even, partial + done);
-  for (; done < rows.size(); ++done) one(rows.data() + done, b, n, even, partial + done);
+  size_t done = gatherGroups<8>(rows, b, n, even, partial);
+  done += gatherGroups<2>(rows.subspan(done), b, n, even, partial + done);
+  gatherGroups<1>(rows.subspan(done), b, n, even, partial + done);
   for (size_t r = 0; r < rows.size(); ++r) {
     for (size_t c = 0; c < Channels; ++c) {
       double sum = 0;
       for (size_t k = 0; k < kLanes; ++k) sum += partial[r][c][k];
-      for (size_t j = even; j < n; ++j) sum += static_cast<double>(rows[r][j]) * b[c * n + j];
+      for (size_t j = even; j < n; ++j) sum += static_cast<double>(rows[r][j]) * static_cast<double>(b[c * n + j]);
       sums[r][c] = sum;
     }
   }
 }
 
-template <size_t Channels, bool Weighted>
-void gatherLists(std::span<const ListRow> rows, const double* b, double (*sums)[Channels]) {
-  constexpr size_t kGroup = 4;
-  static const auto one = chosen([](auto processor) { return &decltype(processor)::template list<Channels, Weighted, 1>; });
-  static const auto group = chosen([](auto processor) { return &decltype(processor)::template list<Channels, Weighted, kGroup>; });
-  size_t done = 0;
-  for (; done + kGroup <= rows.size(); done += kGroup) group(rows.data() + done, b, sums + done);
-  for (; done < rows.size(); ++done) one(rows.data() + done, b, sums + done);
+template <size_t Channels, bool Weighted, typename Number>
+void gatherLists(std::span<const ListRow> rows, const Number* b, double (*sums)[Channels]) {
+  static const auto one = chosen([](auto processor) { return &decltype(processor)::template list<Channels, Weighted, Number>; });
+  for (size_t r = 0; r < rows.size(); ++r) one(rows[r], b, sums[r]);
 }
 
-template void gatherRows(std::span<const float* const>, const double*, size_t, double (*)[3]);
-template void gatherRows(std::span<const float* const>, const double*, size_t, double (*)[1]);
-template void gatherRows(std::span<const uint16_t* const>, const double*, size_t, double (*)[3]);
-template void gatherRows(std::span<const uint16_t* const>, const double*, size_t, double (*)[1]);
-template void gatherLists<3, true>(std::span<const ListRow>, const double*, double (*)[3]);
-template void gatherLists<1, true>(std::span<const ListRow>, const double*, double (*)[1]);
-template void gatherLists<3, false>(std::span<const ListRow>, const double*, double (*)[3]);
-template void gatherLists<1, false>(std::span<const ListRow>, const double*, double (*)[1]);
+#define FAROL_GATHER(NUMBER)                                                                              \
+  template void gatherRows(std::span<const float* const>, const NUMBER*, size_t, double (*)[3]);          \
+  template void gatherRows(std::span<const float* const>, const NUMBER*, size_t, double (*)[1]);          \
+  template void gatherRows(std::span<const uint16_t* const>, const NUMBER*, size_t, double (*)[3]);       \
+  template void gatherRows(std::span<const uint16_t* const>, const NUMBER*, size_t, double (*)[1]);       \
+  template void gatherLists<3, true>(std::span<const ListRow>, const NUMBER*, double (*)[3]);             \
+  template void gatherLists<1, true>(std::span<const ListRow>, const NUMBER*, double (*)[1]);             \
+  template void gatherLists<3, false>(std::span<const ListRow>, const NUMBER*, double (*)[3]);            \
+  template void gatherLists<1, false>(std::span<const ListRow>, const NUMBER*, double (*)[1]);
+FAROL_GATHER(double)
+FAROL_GATHER(float)
+#undef FAROL_GATHER
 
 }  // namespace farol

@@ -74,7 +74,7 @@ HostSweeps::HostSweeps(const System& system, const PatchSet& patches) : system_(
 // directions do. Where it is far from that they may not: after so many steps that have not halved the residual it is stuck.
 Reflections HostSweeps::conjugateResiduals(const Channels& r, size_t mostSweeps, const Goal& goal) {
   constexpr size_t kDirections = 8, kPatience = 64;
-  constexpr double kMargin = 0.7, kRounding = 1e-14;
+  constexpr double kMargin = 0.7, kRounding = 1e-14, kFloatRounding = 2e-7;
   if (mostSweeps < 2) return {Channels::Zero(r.rows(), 3), {largest(r)}};
   // What lies on black patches is reflected once, and is no part of the residual afterwards.
   Channels residual = system_.reflectOnce(Field(r));
@@ -90,7 +90,12 @@ Reflections HostSweeps::conjugateResiduals(const Channels& r, size_t mostSweeps,
     for (const Spanned& own : spanned) result.radius = std::max(result.radius, own.radius());
   };
   // A residual hides an error of up to 1 / (1 - radius) of it.
-  const auto enough = [&] { return result.changes.back() <= kMargin * (1 - result.radius) * goal(result.sum, result.changes.size() - 1); };
+  const auto leftWhere = [&](double radius) { return kMargin * (1 - radius) * goal(result.sum, result.changes.size() - 1); };
+  const auto enough = [&] { return result.changes.back() <= leftWhere(result.radius); };
+  // What rounding adds to the residual stays there: floats are read from where that is well below what may be left.
+  const auto reading = [&] {
+    return kFloatRounding * result.changes.back() < kWellBelow * leftWhere(system_.bound) ? Reading::inFloat : Reading::inDouble;
+  };
   for (size_t k = 0; result.changes.size() < mostSweeps && result.changes.back() > kRounding * result.changes[1]; ++k) {
     if (enough()) {
       lookAtRadius();
@@ -101,7 +106,7 @@ Reflections HostSweeps::conjugateResiduals(const Channels& r, size_t mostSweeps,
     if (result.stuck) break;
     Channels &p = directions[k % kDirections], &image = images[k % kDirections];
     p = residual;
-    packed.assign(residual);
+    packed.assign(residual, reading());
     image = residual - system_.reflectOnce(packed);
     tbb::parallel_for(Eigen::Index{0}, Eigen::Index{3}, [&](Eigen::Index c) {
       Spanned& own = spanned[static_cast<size_t>(c)];

@@ -33,7 +33,7 @@ std::vector<Rgb> sampleVariance(const FormFactorMatrix& f, const DirectLight& di
     squares.row(static_cast<Eigen::Index>(i)) << r[i].r * r[i].r, r[i].g * r[i].g, r[i].b * r[i].b;
   }
   std::vector<Rgb> variance(r.size());
-  const Field field(std::move(squares));
+  const Field field(std::move(squares), Reading::inFloat);
   forParts(rows, [&](std::span<const size_t> part, size_t) {
     std::array<Eigen::RowVector3d, kRowsAtOnce> sums;
     gather(f, part, field, sums.data());

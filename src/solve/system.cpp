@@ -7,12 +7,13 @@
 
 namespace farol {
 
-Field::Field(Channels values) : columns_(std::move(values)) {
+Field::Field(Channels values, Reading reading) : columns_(std::move(values)), reading_(reading) {
   pack();
 }
 
-void Field::assign(const Channels& values) {
+void Field::assign(const Channels& values, Reading reading) {
   columns_ = values;
+  reading_ = reading;
   pack();
 }
 
@@ -31,16 +32,27 @@ void Field::add(const Channels& change) {
 
 void Field::pack() {
   alike_ = columns_.col(0) == columns_.col(1) && columns_.col(0) == columns_.col(2);
-  packed_.assign((alike_ ? 1 : 4) * (static_cast<size_t>(columns_.rows()) + 1), 0.0);
+  const size_t channels = alike_ ? 1 : 3, numbers = (alike_ ? 1 : 4) * (static_cast<size_t>(columns_.rows()) + 1);
+  if (reading_ == Reading::inDouble) {
+    packed_.assign(numbers, 0.0);
+  } else {
+    const double most = largest(columns_);
+    scale_ = most > 0 && std::isfinite(most) ? std::exp2(std::ilogb(most)) : 1.0;
+    packedFloats_.assign(numbers, 0.0F);
+    floats_.resize(channels * static_cast<size_t>(columns_.rows()));
+  }
   for (Eigen::Index i = 0; i < columns_.rows(); ++i) pack(i);
 }
 
 void Field::pack(Eigen::Index i) {
-  const auto k = static_cast<size_t>(i);
-  if (alike_) {
-    packed_[k] = columns_(i, 0);
-  } else {
-    for (int c = 0; c < 3; ++c) packed_[4 * k + static_cast<size_t>(c)] = columns_(i, c);
+  const size_t channels = alike_ ? 1 : 3, stride = alike_ ? 1 : 4;
+  const auto k = static_cast<size_t>(i), n = static_cast<size_t>(columns_.rows());
+  for (size_t c = 0; c < channels; ++c) {
+    const double value = columns_.data()[c * n + k];
+    if (reading_ == Reading::inDouble)
+      packed_[stride * k + c] = value;
+    else
+      packedFloats_[stride * k + c] = floats_[c * n + k] = static_cast<float>(value / scale_);
   }
 }
 
@@ -143,16 +155,19 @@ void gatherChannels(const FormFactorMatrix& f, std::span<const size_t> patches, 
       for (size_t c = 0; c < 3; ++c) sums[kind.places[k]][static_cast<Eigen::Index>(c)] += weight * found[k][c % Count];
     }
   };
-  const auto one = [](size_t) { return 1.0; };
   const auto own = [&](size_t i) { return static_cast<double>(f[i].weight); };
-  if (dense.count > 0) gatherRows<Count, float>(dense.all(), b.columns().data(), f.size(), found);
-  put(dense, one);
-  if (packed.count > 0) gatherRows<Count, uint16_t>(packed.all(), b.columns().data(), f.size(), found);
-  put(packed, own);
-  gatherLists<Count, true>(entries.all(), b.packed(), found);
-  put(entries, one);
-  gatherLists<Count, false>(hits.all(), b.packed(), found);
-  put(hits, own);
+  b.read([&](const auto& read) {
+    const auto one = [&](size_t) { return read.scale; };
+    const auto each = [&](size_t i) { return read.scale * own(i); };
+    if (dense.count > 0) gatherRows(dense.all(), read.columns, f.size(), found);
+    put(dense, one);
+    if (packed.count > 0) gatherRows(packed.all(), read.columns, f.size(), found);
+    put(packed, each);
+    gatherLists<Count, true>(entries.all(), read.packed, found);
+    put(entries, one);
+    gatherLists<Count, false>(hits.all(), read.packed, found);
+    put(hits, each);
+  });
 }
 
 }  // namespace

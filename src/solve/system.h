@@ -17,24 +17,46 @@ inline double largest(const Channels& v) {
   return v.size() > 0 ? v.cwiseAbs().maxCoeff() : 0.0;
 }
 
+// What sums over F read a field in: floats are read faster (gather.h), and are enough where a residual in double corrects what
+// comes of it, or where a variance is told.
+enum class Reading { inDouble, inFloat };
+
 // A value per patch and channel, kept in the two orders that dense rows and lists read fastest. Channels that are alike are
 // kept, and gathered, once.
 class Field {
  public:
-  explicit Field(Channels values);
-  void assign(const Channels& values);
+  explicit Field(Channels values, Reading reading = Reading::inDouble);
+  void assign(const Channels& values, Reading reading);
   void set(Eigen::Index i, const Eigen::RowVector3d& value);
   void add(const Channels& change);
   const Channels& columns() const { return columns_; }
   bool alike() const { return alike_; }
-  const double* packed() const { return packed_.data(); }  // [patches + 1] x 4, or [patches + 1] where channels are alike
+
+  // Values as F reads them: `columns` [3 x patches], or one where channels are alike; `packed` [patches + 1] x 4, or one.
+  template <typename Number>
+  struct Read {
+    const Number* columns;
+    const Number* packed;
+    double scale;  // they are to be multiplied by: a power of two that brings floats near 1
+  };
+  // `use(Read<double>)` or `use(Read<float>)`.
+  template <typename Use>
+  void read(Use&& use) const {
+    if (reading_ == Reading::inDouble)
+      use(Read<double>{columns_.data(), packed_.data(), 1.0});
+    else
+      use(Read<float>{floats_.data(), packedFloats_.data(), scale_});
+  }
 
  private:
   void pack();
   void pack(Eigen::Index i);
   Channels columns_;
+  Reading reading_;
   bool alike_ = false;
   std::vector<double> packed_;
+  double scale_ = 1;
+  std::vector<float> floats_, packedFloats_;
 };
 
 // sum_j F_ij b_j of at most kRowsAtOnce patches, in `sums` one after the other.
