@@ -14,13 +14,14 @@
 namespace farol {
 namespace {
 
-// The calls in which Embree 3 and 4 differ, for coherent rays: neighbours in a packet run about the same way.
+// The calls in which Embree 3 and 4 differ. Neighbours in a packet run about the same way where hits are asked for; shadow rays
+// begin and end anywhere on a patch and a lamp, and are traced a tenth faster one by one.
 #if RTC_VERSION_MAJOR >= 4
 struct Query {
   Query() {
     rtcInitIntersectArguments(&intersectArguments);
     rtcInitOccludedArguments(&occludedArguments);
-    intersectArguments.flags = occludedArguments.flags = RTC_RAY_QUERY_FLAG_COHERENT;
+    intersectArguments.flags = RTC_RAY_QUERY_FLAG_COHERENT;
   }
   RTCIntersectArguments intersectArguments;
   RTCOccludedArguments occludedArguments;
@@ -35,15 +36,16 @@ struct Query {
 struct Query {
   Query() {
     rtcInitIntersectContext(&context);
+    rtcInitIntersectContext(&apart);
     context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
   }
-  RTCIntersectContext context;
+  RTCIntersectContext context, apart;
   void intersect(const int* v, RTCScene s, RTCRayHit4& r) { rtcIntersect4(v, s, &context, &r); }
   void intersect(const int* v, RTCScene s, RTCRayHit8& r) { rtcIntersect8(v, s, &context, &r); }
   void intersect(const int* v, RTCScene s, RTCRayHit16& r) { rtcIntersect16(v, s, &context, &r); }
-  void occluded(const int* v, RTCScene s, RTCRay4& r) { rtcOccluded4(v, s, &context, &r); }
-  void occluded(const int* v, RTCScene s, RTCRay8& r) { rtcOccluded8(v, s, &context, &r); }
-  void occluded(const int* v, RTCScene s, RTCRay16& r) { rtcOccluded16(v, s, &context, &r); }
+  void occluded(const int* v, RTCScene s, RTCRay4& r) { rtcOccluded4(v, s, &apart, &r); }
+  void occluded(const int* v, RTCScene s, RTCRay8& r) { rtcOccluded8(v, s, &apart, &r); }
+  void occluded(const int* v, RTCScene s, RTCRay16& r) { rtcOccluded16(v, s, &apart, &r); }
 };
 #endif
 
