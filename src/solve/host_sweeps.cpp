@@ -76,9 +76,17 @@ Reflections HostSweeps::conjugateResiduals(const Channels& r, size_t mostSweeps,
   constexpr size_t kDirections = 8, kPatience = 64;
   constexpr double kMargin = 0.7, kRounding = 1e-14, kFloatRounding = 2e-7;
   if (mostSweeps < 2) return {Channels::Zero(r.rows(), 3), {largest(r)}};
+  Reflections result{Channels::Zero(r.rows(), 3), {largest(r)}};
+  // A residual hides an error of up to 1 / (1 - radius) of it.
+  const auto leftWhere = [&](double radius) { return kMargin * (1 - radius) * goal(result.sum, result.changes.size() - 1); };
+  const auto enough = [&] { return result.changes.back() <= leftWhere(result.radius); };
+  // What rounding adds to the residual stays there: floats are read from where that is well below what may be left.
+  const auto reading = [&] {
+    return kFloatRounding * result.changes.back() < kWellBelow * leftWhere(system_.bound) ? Reading::inFloat : Reading::inDouble;
+  };
   // What lies on black patches is reflected once, and is no part of the residual afterwards.
-  Channels residual = system_.reflectOnce(Field(r));
-  Reflections result{Channels::Zero(r.rows(), 3), {largest(r), largest(residual)}};
+  Channels residual = system_.reflectOnce(Field(r, reading()));
+  result.changes.push_back(largest(residual));
   std::vector<Channels> directions(kDirections), images(kDirections);
   std::array<Spanned, 3> spanned;
   Field packed(residual);
@@ -88,13 +96,6 @@ Reflections HostSweeps::conjugateResiduals(const Channels& r, size_t mostSweeps,
   for (Eigen::Index c = 0; c < 3; ++c) spanned[static_cast<size_t>(c)].left = std::sqrt(dot(c, residual, residual));
   const auto lookAtRadius = [&] {
     for (const Spanned& own : spanned) result.radius = std::max(result.radius, own.radius());
-  };
-  // A residual hides an error of up to 1 / (1 - radius) of it.
-  const auto leftWhere = [&](double radius) { return kMargin * (1 - radius) * goal(result.sum, result.changes.size() - 1); };
-  const auto enough = [&] { return result.changes.back() <= leftWhere(result.radius); };
-  // What rounding adds to the residual stays there: floats are read from where that is well below what may be left.
-  const auto reading = [&] {
-    return kFloatRounding * result.changes.back() < kWellBelow * leftWhere(system_.bound) ? Reading::inFloat : Reading::inDouble;
   };
   for (size_t k = 0; result.changes.size() < mostSweeps && result.changes.back() > kRounding * result.changes[1]; ++k) {
     if (enough()) {

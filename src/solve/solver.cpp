@@ -191,13 +191,15 @@ Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const Dir
     system.gather(part, b, sums.data());
     for (size_t l = 0; l < part.size(); ++l) gathered.row(static_cast<Eigen::Index>(part[l])) = sums[l];
   });
+  // What was gathered from a B that converged makes one more Jacobi sweep of it, and B = E + rho H to the last bit.
   result.radiosity.resize(patches.size());
   result.irradiance.resize(patches.size());
   for (size_t i = 0; i < patches.size(); ++i) {
     const auto k = static_cast<Eigen::Index>(i);
     const Eigen::RowVector3d h = system.source.row(k) + gathered.row(k);
+    const Eigen::RowVector3d out = result.converged ? system.updated(k, gathered.row(k)) : Eigen::RowVector3d(b.columns().row(k));
     result.irradiance[i] = {h[0], h[1], h[2]};
-    result.radiosity[i] = {b.columns()(k, 0), b.columns()(k, 1), b.columns()(k, 2)};
+    result.radiosity[i] = {out[0], out[1], out[2]};
     if (colour) {
       result.irradiance[i] *= *colour;
       result.radiosity[i] *= *colour;
