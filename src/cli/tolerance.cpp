@@ -151,6 +151,8 @@ class Planner {
     tried_ = scene.patches().size();
     rowError_ = t.rowError;
     lightError_ = t.lightError;
+    lampsWhy_ = t.lighting.plan.why;
+    trialSweeps_ = t.lighting.solution.sweeps;
     if (cluster_ > 0) {
       trialSize_ = size.size;
       PatchOptions half = size;
@@ -356,6 +358,16 @@ class Planner {
       plan_.choices.push_back({"shadow rays", fmt::format("{}", s.shadowRays),
                                fixedShadow() ? given : fmt::format("direct light costs {}, from {} by {}", percent(e.light), percent(lightError_), trialSetting_.shadowRays)});
     }
+    if (s.spec.hemicubes()) {
+      plan_.choices.push_back({"positions", fmt::format("{}", s.spec.positions),
+                               options_.gave("--positions") ? given : "beyond 128 pixels an edge more points of a patch tell more than more pixels"});
+      plan_.choices.push_back({"near field", s.spec.nearField && s.spec.positions == 1 ? "on" : "off",
+                               options_.gave("--near-field") ? given
+                               : s.spec.positions == 1      ? "seen from one point, near patches are most of a row's error"
+                                                            : "several points see near patches well enough"});
+    }
+    plan_.choices.push_back({"emitters", s.emittersApart ? "apart" : "matrix", options_.gave("--emitters") ? given : lampsWhy_});
+    plan_.choices.push_back({"solver", solverName(s.solver), options_.gave("--solver") ? given : fmt::format("{} sweeps in the trial; no other takes fewer", trialSweeps_)});
     plan_.choices.push_back({"residual", fmt::format("{:.2g}", s.residual), options_.gave("--residual") ? given : "far below the other parts"});
   }
 
@@ -372,6 +384,8 @@ class Planner {
   double perSize_ = 2;                  // power of the cell size that the number of patches falls with
   double patches_ = 0, ofOneSize_ = 0;
   PatchSizeError patchError_;
+  std::string lampsWhy_;
+  size_t trialSweeps_ = 0;
   double rowError_ = 0, lightError_ = 0, shadowShare_ = 0, channels_ = 1, fronts_ = 1, sweeps_ = 10;
 };
 

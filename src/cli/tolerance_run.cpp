@@ -131,6 +131,8 @@ void choosePlan(RunState& run) {
   run.plan = planFor(run.options, run.scene, run.facets, *run.spec);
   applyPlan(run);
   tellRowSeconds(run);
+  const StorageChoice storage = chooseStorage(run.situation, *run.spec);
+  run.plan->choices.push_back({"storage", storage.storage == Storage::bits16 ? "16 bits, or lists of entries" : "float32, or lists", storage.why});
   run.report.clock.finish("choosing");
   run.say("tolerance {:.3g} %: {:.2g} % predicted, in {:.2g} s:", 100 * run.options.tolerance,
           100 * run.plan->predicted.total(), run.plan->seconds);

@@ -65,7 +65,7 @@ std::vector<GatheredIrradiance> gatherIrradiance(const PathGatherer& gatherer, c
   uint32_t passes = 0;
   for (; passes < kFewest || watch.seconds() < seconds; ++passes) {
     const uint32_t half = passes % 2;
-    const auto x = sobolPoint(passes / 2);
+    const auto x = sobolPoint<kSobolDimensions>(passes / 2);
     tbb::parallel_for(size_t{0}, (cells + kPart - 1) / kPart, [&](size_t part) {
       std::vector<GatherPath> own;
       std::vector<size_t> place;
@@ -73,18 +73,19 @@ std::vector<GatheredIrradiance> gatherIrradiance(const PathGatherer& gatherer, c
         const Cell& cell = fine.cells[c];
         const Facet& facet = facets.facets[cell.facet];
         // A shift of Sobol's points of its own for every cell and half.
-        const uint64_t key = mixBits(mixBits(seed + 2 * c + half)), key2 = mixBits(key);
-        const auto shifted = [&](size_t dimension, uint64_t by) {
-          return static_cast<double>(x[dimension] ^ static_cast<uint32_t>(by)) * 0x1p-32 + 0x1p-33;
-        };
-        double u = shifted(0, key), v = shifted(1, key >> 32);
+        const uint64_t key = mixBits(mixBits(seed + 2 * c + half));
+        std::array<double, kSobolDimensions> shifted;
+        for (size_t d = 0; d < kSobolDimensions; ++d)
+          shifted[d] = static_cast<double>(x[d] ^ static_cast<uint32_t>(mixBits(key + d))) * 0x1p-32 + 0x1p-33;
+        double u = shifted[0], v = shifted[1];
         if (!facet.parallelogram && u + v > 1) {
           u = 1 - u;
           v = 1 - v;
         }
         GatherPath& path = paths[c];
         path = {cell.facet, cell.back, cellPoint(fine.grids[cell.facet], facet.parallelogram, cell, u, v),
-                {shifted(2, key2), shifted(3, key2 >> 32)}, mixBits(key ^ passes), Rgb(0)};
+                {}, mixBits(key ^ passes), Rgb(0)};
+        std::copy(shifted.begin() + 2, shifted.end(), path.numbers.begin());
         const uint32_t patch = fine.cellMap[c];
         counts[c] = 0;
         if (patch == kNone || cover.share[patch] <= 0 || fine.patches[patch].passesAll()) continue;

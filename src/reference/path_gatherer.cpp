@@ -7,12 +7,13 @@ namespace farol {
 struct PathGatherer::Lane {
   GatherPath* path = nullptr;  // null: idle
   uint64_t random = 0;
-  Rgb weight{1};
+  uint32_t used = 0;  // of the path's numbers
   uint32_t depth = 0;
+  Rgb weight{1};
   double offset = kRayOffset;  // of rays from the point
   Vec3 point{0}, normal{0}, direction{0};
 
-  double next() { return unitFromBits(mixBits(random++)); }
+  double next() { return used < path->numbers.size() ? path->numbers[used++] : unitFromBits(mixBits(random++)); }
   void setDirection(double a, double b) {  // distributed as the cosine
     const double r = std::sqrt(a), angle = 2 * kPi * b;
     const Vec3 t = anyPerpendicular(normal), u = glm::cross(normal, t);
@@ -78,7 +79,8 @@ void PathGatherer::start(GatherPath& path, Lane& lane) const {
   lane.offset = facet.rayOffset;
   lane.normal = path.back ? -facet.normal : facet.normal;
   lane.point = facets_.point(facet, path.uv.x, path.uv.y);
-  lane.setDirection(path.direction[0], path.direction[1]);
+  const double a = lane.next(), b = lane.next();
+  lane.setDirection(a, b);
 }
 
 // One point of one lamp, and one punctual light.
@@ -87,13 +89,13 @@ void PathGatherer::light(Lane& lane, uint32_t k, ShadowRays& toLamps, ShadowRays
   toPunctual.clear(k);
   const Vec3 from = lane.point + lane.offset * lane.normal;
   if (!lampChance_.empty()) {
-    const double choice = lane.next();
-    const size_t which = std::min<size_t>(
-        static_cast<size_t>(std::upper_bound(lampChance_.begin(), lampChance_.end(), choice) - lampChance_.begin()), lampChance_.size() - 1);
-    const Lamp& lamp = lamps_.lamps[which];
-    const double chance = lampChance_[which] - (which > 0 ? lampChance_[which - 1] : 0);
-    // A parallelogram or a triangle: both are affine, and a triangle is half of one.
     double s = lane.next(), t = lane.next();
+    const size_t which = std::min<size_t>(
+        static_cast<size_t>(std::upper_bound(lampChance_.begin(), lampChance_.end(), s) - lampChance_.begin()), lampChance_.size() - 1);
+    const Lamp& lamp = lamps_.lamps[which];
+    const double before = which > 0 ? lampChance_[which - 1] : 0, chance = lampChance_[which] - before;
+    s = std::min((s - before) / chance, 1.0);  // what is left of it is as good as new
+    // A parallelogram or a triangle: both are affine, and a triangle is half of one.
     const bool half = lamp.polygon.size() == 3;
     if (half && s + t > 1) {
       s = 1 - s;

@@ -2,6 +2,7 @@
 // and of punctual lights is sampled at every point of a path by a shadow ray, everything else is met.
 #pragma once
 
+#include "base/sobol.h"
 #include "light/lamps.h"
 #include "trace/ray_tree.h"
 
@@ -14,9 +15,10 @@ struct GatherPath {
   uint32_t facet = 0;
   bool back = false;
   Vec2 uv{0};
-  std::array<double, 2> direction{};  // in [0,1)^2: the first direction
-  uint64_t seed = 0;                  // of everything else
-  Rgb irradiance{0};                  // an unbiased estimate of H [flux per area]
+  // In [0,1): the first direction, then what is chosen first along the path (lamps, their points, the next direction).
+  std::array<double, kSobolDimensions - 2> numbers{};
+  uint64_t seed = 0;  // of everything else
+  Rgb irradiance{0};  // an unbiased estimate of H [flux per area]
 };
 
 class PathGatherer {
