@@ -63,6 +63,11 @@ PathGatherer::PathGatherer(const Tracer& tracer, const FacetSet& facets, const P
   }
 }
 
+void PathGatherer::endWith(const PatchSet& patches, std::span<const Rgb> irradiance) {
+  knownPatches_.emplace(facets_, patches);
+  known_ = irradiance;
+}
+
 Optics PathGatherer::opticsAt(uint32_t facet, double u, double v) const {
   const Facet& f = facets_.facets[facet];
   if (varies_[f.surface] == 0) return constant_[f.surface];
@@ -83,6 +88,33 @@ void PathGatherer::start(GatherPath& path, Lane& lane) const {
   lane.setDirection(a, b);
 }
 
+// Where a path starts, by about what each lamp brings there unless something is in between: never 0 for one that may bring
+// something. Further on by their power. `s`, a number in [0,1), is used up and made anew. All lamps: none brings anything.
+std::pair<size_t, double> PathGatherer::chooseLamp(const Lane& lane, double& s) const {
+  const size_t count = lamps_.lamps.size();
+  std::span<const double> sums = lampChance_;  // cumulative
+  thread_local std::vector<double> here;
+  if (lane.depth == 0 && count > 1) {
+    here.resize(count);
+    double sum = 0;
+    for (size_t l = 0; l < count; ++l) {
+      const Lamp& lamp = lamps_.lamps[l];
+      const Vec3 d = lamp.centre - lane.point;
+      const double above = glm::dot(lane.normal, d) + lamp.radius, there = -glm::dot(lamp.normal, d);
+      const double squared = std::max(glm::dot(d, d), lamp.radius * lamp.radius);
+      if (above > 0 && there > 0) sum += lamp.area * luminance(lamp.emission) * above * there / (squared * squared);
+      here[l] = sum;
+    }
+    if (sum <= 0) return {count, 0.0};
+    for (double& x : here) x /= sum;
+    sums = here;
+  }
+  const size_t which = std::min<size_t>(static_cast<size_t>(std::upper_bound(sums.begin(), sums.end(), s) - sums.begin()), count - 1);
+  const double before = which > 0 ? sums[which - 1] : 0, chance = sums[which] - before;
+  s = std::min((s - before) / chance, 1.0);
+  return {which, chance};
+}
+
 // One point of one lamp, and one punctual light.
 void PathGatherer::light(Lane& lane, uint32_t k, ShadowRays& toLamps, ShadowRays& toPunctual) const {
   toLamps.clear(k);
@@ -90,11 +122,9 @@ void PathGatherer::light(Lane& lane, uint32_t k, ShadowRays& toLamps, ShadowRays
   const Vec3 from = lane.point + lane.offset * lane.normal;
   if (!lampChance_.empty()) {
     double s = lane.next(), t = lane.next();
-    const size_t which = std::min<size_t>(
-        static_cast<size_t>(std::upper_bound(lampChance_.begin(), lampChance_.end(), s) - lampChance_.begin()), lampChance_.size() - 1);
+    const auto [which, chance] = chooseLamp(lane, s);
+    if (which == lamps_.lamps.size()) return lightPunctual(lane, k, toPunctual);
     const Lamp& lamp = lamps_.lamps[which];
-    const double before = which > 0 ? lampChance_[which - 1] : 0, chance = lampChance_[which] - before;
-    s = std::min((s - before) / chance, 1.0);  // what is left of it is as good as new
     // A parallelogram or a triangle: both are affine, and a triangle is half of one.
     const bool half = lamp.polygon.size() == 3;
     if (half && s + t > 1) {
@@ -110,16 +140,19 @@ void PathGatherer::light(Lane& lane, uint32_t k, ShadowRays& toLamps, ShadowRays
       toLamps.rays.set(k, from, q + kRayOffset * lamp.normal - from);
     }
   }
-  if (!scene_.lights.empty()) {
-    const size_t count = scene_.lights.size();
-    const PunctualLight& l = scene_.lights[std::min(static_cast<size_t>(lane.next() * static_cast<double>(count)), count - 1)];
-    const Rgb arrives = unoccludedIrradiance(l, facets_.frame.toScene(lane.point), lane.normal);
-    if (maxChannel(arrives) > 0) {
-      toPunctual.light[k] = lane.weight * arrives * static_cast<double>(count);
-      const Vec3 to = l.kind == PunctualLight::Kind::directional ? -2.0 * l.direction : facets_.frame.toUnit(l.position) - from;
-      toPunctual.rays.set(k, from, to);
-    }
-  }
+  lightPunctual(lane, k, toPunctual);
+}
+
+void PathGatherer::lightPunctual(Lane& lane, uint32_t k, ShadowRays& toPunctual) const {
+  if (scene_.lights.empty()) return;
+  const Vec3 from = lane.point + lane.offset * lane.normal;
+  const size_t count = scene_.lights.size();
+  const PunctualLight& l = scene_.lights[std::min(static_cast<size_t>(lane.next() * static_cast<double>(count)), count - 1)];
+  const Rgb arrives = unoccludedIrradiance(l, facets_.frame.toScene(lane.point), lane.normal);
+  if (maxChannel(arrives) <= 0) return;
+  toPunctual.light[k] = lane.weight * arrives * static_cast<double>(count);
+  const Vec3 to = l.kind == PunctualLight::Kind::directional ? -2.0 * l.direction : facets_.frame.toUnit(l.position) - from;
+  toPunctual.rays.set(k, from, to);
 }
 
 void PathGatherer::meet(const HitPacket& hits, const RayPacket& rays, uint32_t k, Lane& lane) const {
@@ -161,6 +194,11 @@ void PathGatherer::meet(const HitPacket& hits, const RayPacket& rays, uint32_t k
     factor = factors[which] * (total / maxChannel(factors[which]));
   }
   lane.weight *= factor;
+  if (knownPatches_) {
+    const uint32_t known = knownPatches_->at(next.facet, next.back, next.u, next.v);
+    if (known != kNone) sum += lane.weight * known_[known];
+    return end();
+  }
   if (maxChannel(lane.weight) <= 0) return end();
   constexpr uint32_t kSure = 2;
   if (++lane.depth > kSure) {

@@ -6,6 +6,7 @@
 #include "light/lamps.h"
 #include "trace/ray_tree.h"
 
+#include <optional>
 #include <span>
 
 namespace farol {
@@ -27,6 +28,11 @@ class PathGatherer {
   PathGatherer(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, const Scene& scene,
                const LampPlan& lamps, const Rgb& sky, const TreeLimits& limits);
 
+  // Final gathering: from here on paths end at the first surface that is met, in place of what follows with this irradiance H of
+  // the patch there. Far less noise, and what a good solution errs by reaches the start as a mean over all directions only. The
+  // references must outlive this.
+  void endWith(const PatchSet& patches, std::span<const Rgb> irradiance);
+
   // Fills `irradiance` of each path, sixteen at a time.
   void gather(std::span<GatherPath> paths) const;
 
@@ -34,7 +40,9 @@ class PathGatherer {
   struct Lane;
   struct ShadowRays;
   void start(GatherPath& path, Lane& lane) const;
+  std::pair<size_t, double> chooseLamp(const Lane& lane, double& s) const;
   void light(Lane& lane, uint32_t k, ShadowRays& toLamps, ShadowRays& toPunctual) const;
+  void lightPunctual(Lane& lane, uint32_t k, ShadowRays& toPunctual) const;
   void meet(const HitPacket& hits, const RayPacket& rays, uint32_t k, Lane& lane) const;
   Optics opticsAt(uint32_t facet, double u, double v) const;
 
@@ -44,8 +52,10 @@ class PathGatherer {
   const LampPlan& lamps_;
   Rgb sky_;
   HitPatches hitPatches_;
+  std::optional<HitPatches> knownPatches_;
+  std::span<const Rgb> known_;
   RayTree tree_;
-  std::vector<double> lampChance_;   // cumulative
+  std::vector<double> lampChance_;   // by power, cumulative
   std::vector<uint8_t> varies_;      // [surfaces] optics depend on the place
   std::vector<Optics> constant_;     // [surfaces] of those that do not
 };

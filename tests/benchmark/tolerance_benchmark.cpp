@@ -1,5 +1,5 @@
-// What --tolerance reaches and what it costs, whole processes: the error of H against gathering paths on the same patches
-// (front sides), and the time beside the fastest fixed setting of `farol chart` that reaches
+// What --tolerance reaches and what it costs, whole processes: the error of H against final gathering on the same patches
+// (judge.h), and the time beside the fastest fixed setting of `farol chart` that reaches
 // the same error by the same measure.
 // farol_tolerance [seconds of reference at most, of chart, smallest tolerance, SCENE...]; works in a folder of its own.
 #include "base/error.h"
@@ -44,10 +44,13 @@ int main(int argc, char** argv) {
   const std::string csv = folder.path("p.csv"), report = folder.path("r.json");
   fmt::print("| scene | tolerance | chosen | error of H, mean and largest of 5 seeds | met | seconds: whole process | by the best fixed setting | ratio | best fixed setting |\n|---|---|---|---|---|---|---|---|---|\n");
   size_t runs = 0, met = 0;
+  std::string agreement;
   for (const std::string& scene : scenes) {
     const std::string name = std::filesystem::path(scene).stem();
     if (chartSeconds > 0) medianSeconds(fmt::format("{} chart {} -o {} --time {} --quiet 2> /dev/null", FAROL_PROGRAM, scene, folder.path("chart.svg"), chartSeconds), 1);
     Judge judge(scene);
+    const HError paths = judge.agreement(most);
+    agreement += fmt::format("{}: final gathering differs from gathering paths by {:.2f} % in means over surfaces (resolved to {:.2f})\n", name, 100 * paths.error, 100 * paths.noise);
     for (const double tolerance : {0.05, 0.01, 0.002}) {
       if (tolerance < smallest) continue;
       double mean = 0, largest = 0, noise = 0;
@@ -92,5 +95,6 @@ int main(int argc, char** argv) {
       std::fflush(stdout);
     }
   }
+  fmt::print("\n{}", agreement);
   fmt::print("\n{} of {} runs below their tolerance ({:.0f} %)\n", met, runs, 100.0 * static_cast<double>(met) / static_cast<double>(runs));
 }
