@@ -16,7 +16,8 @@ constexpr double kMargin = 0.78;
 // Cornell box and the L-shaped room of 800 to 8,000 patches.
 constexpr double kHemicubeOrder = 0.5, kRayOrder = 0.65;
 constexpr size_t kProbes = 384;
-constexpr size_t kMostTried = 12000;  // patches of a trial
+constexpr size_t kFewTried = 450, kMostTried = 12000;  // patches of a trial
+constexpr double kUsualTolerance = 0.05, kCoarse = 0.03;
 constexpr uint32_t kMostRays = 1u << 16, kLeastShadowRays = 8;
 // What a picture shows: grain of every patch and edges of shadows.
 constexpr size_t kPicturePatches = 4000;
@@ -77,10 +78,14 @@ class Planner {
 
   TolerancePlan plan() {
     // Coarser trials cannot see shadows; finer ones cost more than they tell.
-    size_t count = tolerance_ < 0.004 ? 2500 : tolerance_ < 0.03 ? 1000 : 450;
+    size_t count = tolerance_ < kCoarse ? tolerance_ < 0.004 ? 2500 : 1000 : kFewTried;
     considerClusters(count);
-    for (int round = 0; round < 3; ++round) {
-      measure(count);
+    if (isEasy()) {
+      choose();
+      count = 0;
+    }
+    for (int round = 0; count > 0 && round < 3; ++round) {
+      measure(count, tolerance_);
       choose();
       const auto wanted = static_cast<size_t>(patches_);
       constexpr size_t kFar = 6;
@@ -116,11 +121,20 @@ class Planner {
     if (patches(kTurn) < kWorth * patches(0)) cluster_ = kTurn;
   }
 
+  // Whether a few patches and rays already show light so even that it errs far less than asked for.
+  bool isEasy() {
+    constexpr double kEasily = 0.2;
+    if (tolerance_ >= kCoarse || cluster_ > 0 || fixedPatches() || options_.patchSize > 0) return false;
+    measure(kFewTried, kUsualTolerance);
+    return errorFor(static_cast<double>(tried_), trialSetting_).total() < kEasily * tolerance_;
+  }
+
   double sizeFor(double n) const {
     return cluster_ > 0 ? trialSize_ * std::pow(n / static_cast<double>(tried_), -1 / perSize_) : sizeForPatches(facets_, static_cast<size_t>(n));
   }
 
-  void measure(size_t count) {
+  // A trial of so many patches, by the rays that a tolerance is likely to need.
+  void measure(size_t count, double tolerance) {
     const auto sized = [&](size_t patches) { return cluster_ > 0 ? sizeForClusters(facets_, patches) : sizeForPatches(facets_, patches); };
     PatchOptions size{count, 0, 0, cluster_};
     if (fixedPatches()) {
@@ -130,11 +144,11 @@ class Planner {
     }
     if (cluster_ > 0 && size.size == 0) size.size = sized(size.count);
     Setting trial = plan_.setting;
-    constexpr double kReferenceTolerance = 0.05, kReferenceRays = 64;
-    const double rays = std::clamp(kReferenceRays * kReferenceTolerance / tolerance_, 32.0, 1024.0);
+    constexpr double kUsualRays = 64;
+    const double rays = std::clamp(kUsualRays * kUsualTolerance / tolerance, 32.0, 1024.0);
     if (!fixedSamples()) {
       trial.spec.rays = evenCount(rays / 1.5, 32, 1024);
-      trial.spec.resolution = tolerance_ < 0.005 ? 64 : 32;
+      trial.spec.resolution = tolerance < 0.005 ? 64 : 32;
       if (!options_.gave("--positions")) trial.spec.positions = 1;
     }
     if (!fixedShadow()) trial.shadowRays = std::max(16u, trial.spec.rays / 4);

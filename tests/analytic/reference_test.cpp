@@ -1,6 +1,7 @@
 // The gathering reference against closed forms, and what it says of the error of a solution.
 #include "reference/gathering.h"
 
+#include "formfactor/analytic.h"
 #include "formfactor/near_field.h"
 #include "formfactor/rays.h"
 #include "light/direct.h"
@@ -74,6 +75,51 @@ TEST(GatheringReference, DirectLightIsTheFormFactor) {
   const Gathered withLamp(apart, Rgb(0), 600);
   EXPECT_EQ(withLamp.lamps.lamps.size(), 1u);
   withLamp.expect("1", 5 * kF);
+}
+
+// Unequal lamps, near and far, small and large, one turned away: chosen by what they bring about, and what they bring is exact.
+TEST(GatheringReference, ChoosesAmongLampsWithoutBias) {
+  const auto square = [](double x, double y, double z, double size) {
+    return std::vector<std::vector<Vec3>>{{{x, y, z}, {x, y + size, z}, {x + size, y + size, z}, {x + size, y, z}}};
+  };
+  std::vector<TestSurface> room = {{"floor", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}, Rgb(0)},
+                                   {"ground", {{{20, 20, 0}, {40, 20, 0}, {40, 40, 0}, {20, 40, 0}}}, Rgb(0)}};
+  const std::array<Vec3, 3> at{Vec3(1.1, -0.3, 0.2), Vec3(0.5, 0.6, 1), Vec3(2, 2, 1)};  // none hides another
+  const std::array<double, 3> size{0.1, 0.3, 0.5}, emission{2, 5, 40};
+  double exact = 0;
+  for (size_t l = 0; l < at.size(); ++l) {
+    room.push_back({"lamp" + std::to_string(l), square(at[l].x, at[l].y, at[l].z, size[l]), Rgb(0), Rgb(emission[l])});
+    const std::vector<Vec3> polygon = square(at[l].x, at[l].y, at[l].z, size[l])[0];
+    constexpr int kPoints = 200;
+    for (int i = 0; i < kPoints; ++i) {
+      for (int j = 0; j < kPoints; ++j)
+        exact += emission[l] * pointToPolygon(Vec3((i + 0.5) / kPoints, (j + 0.5) / kPoints, 0), Vec3(0, 0, 1), polygon) / (kPoints * kPoints);
+    }
+  }
+  room.push_back({"away", {{{0.4, 0.4, 3}, {0.6, 0.4, 3}, {0.6, 0.6, 3}, {0.4, 0.6, 3}}}, Rgb(0), Rgb(1000)});
+  const Gathered gathered(room, Rgb(0), 2000, 1);
+  EXPECT_EQ(gathered.lamps.lamps.size(), 4u);
+  gathered.expect("floor", exact);
+}
+
+// In a furnace, paths that end with the H of all its surfaces know it at once; with another they show what they were told.
+TEST(GatheringReference, FinalGatheringEndsAtTheFirstSurface) {
+  Log log(true);
+  const Scene scene = loadSurfaces(closedBox({1, 2, 3}, Rgb(0.8), Rgb(1)));
+  const FacetSet facets = buildFacets(scene, log);
+  const PatchSet patches = buildPatches(scene, facets, {60, 0}), known = buildPatches(scene, facets, {200, 0});
+  const Tracer tracer(facets);
+  const LampPlan lamps = chooseLamps(facets, patches, {});
+  const PatchSet* set = &patches;
+  for (const double h : {5.0, 1.0}) {
+    const std::vector<Rgb> irradiance(known.size(), Rgb(h));
+    PathGatherer gatherer(tracer, facets, patches, scene, lamps, Rgb(0), {});
+    gatherer.endWith(known, irradiance);
+    const GatheredIrradiance truth = gatherIrradiance(gatherer, tracer, facets, std::span(&set, 1), 0, 5, [](double) {})[0];
+    for (const auto& half : truth.half) {
+      for (const Rgb& value : half) EXPECT_NEAR(value.r, 1 + 0.8 * h, 1e-9);
+    }
+  }
 }
 
 // Lux times cosine, and candela over distance squared times cosine; one of the two is behind the plate.

@@ -35,6 +35,31 @@ TEST_F(Tolerance, TakesNoFewerPatchesThanItsTrial) {
   EXPECT_GT(told["predicted_seconds"].get<double>(), told["choosing_seconds"].get<double>());
 }
 
+// Light that is even shows it in a trial of a few patches: a furnace needs none of the 1,000 that 1 % is tried with elsewhere.
+TEST_F(Tolerance, TriesLittleWhereLightIsEven) {
+  ASSERT_EQ(solve(FAROL_SCENES "/white_furnace/white_furnace.gltf", "--tolerance 0.01").exitCode, 0);
+  EXPECT_LT(report()["counts"]["patches"], 700);
+  ASSERT_EQ(solve(kCornell, "--tolerance 0.01").exitCode, 0);
+  EXPECT_GE(report()["counts"]["patches"], 1000);
+}
+
+// Every choice is listed with its reason.
+TEST_F(Tolerance, ListsEveryChoice) {
+  const auto listed = [&] {
+    std::vector<std::string> names;
+    const json r = report();
+    for (const json& c : r["tolerance"]["choices"]) {
+      names.push_back(c["what"]);
+      EXPECT_NE(c["why"], "") << c;
+    }
+    return names;
+  };
+  ASSERT_EQ(solve(kCornell, "--tolerance 0.05").exitCode, 0);
+  EXPECT_THAT(listed(), ::testing::UnorderedElementsAre("patches", "method", "shadow rays", "emitters", "solver", "residual", "storage"));
+  ASSERT_EQ(solve(kCornell, "--tolerance 0.1 --method raster").exitCode, 0);
+  EXPECT_THAT(listed(), ::testing::IsSupersetOf({"positions", "near field"}));
+}
+
 // The error is that of the worst channel, each relative to its own mean: a dim blue lamp that rows hardly find is no better known
 // beside a bright red ceiling.
 TEST_F(Tolerance, ErrorIsRelativeToEachChannelsMean) {
