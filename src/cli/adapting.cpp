@@ -1,7 +1,7 @@
 #include "cli/adapting.h"
 
 #include "cli/choices.h"
-#include "cli/tolerance.h"
+#include "cli/patch_size_error.h"
 
 #include <bit>
 

@@ -3,7 +3,7 @@
 #include "base/error.h"
 #include "base/machine.h"
 #include "cli/choices.h"
-#include "solve/patch_error.h"
+#include "cli/patch_size_error.h"
 
 namespace farol {
 namespace {
@@ -17,7 +17,8 @@ constexpr double kMargin = 0.78;
 constexpr double kHemicubeOrder = 0.5, kRayOrder = 0.65;
 constexpr size_t kProbes = 384;
 constexpr size_t kFewTried = 450, kMostTried = 12000;  // patches of a trial
-constexpr double kUsualTolerance = 0.05, kCoarse = 0.03;
+constexpr double kUsualTolerance = 0.05;  // that a trial of few patches and rays is for
+constexpr double kTight = 0.03;           // below it a trial is larger
 constexpr uint32_t kMostRays = 1u << 16, kLeastShadowRays = 8;
 // What a picture shows: grain of every patch and edges of shadows.
 constexpr size_t kPicturePatches = 4000;
@@ -78,20 +79,12 @@ class Planner {
 
   TolerancePlan plan() {
     // Coarser trials cannot see shadows; finer ones cost more than they tell.
-    size_t count = tolerance_ < kCoarse ? tolerance_ < 0.004 ? 2500 : 1000 : kFewTried;
+    const size_t count = tolerance_ >= kTight ? kFewTried : tolerance_ >= 0.004 ? 1000 : 2500;
     considerClusters(count);
-    if (isEasy()) {
+    if (tryFew())
       choose();
-      count = 0;
-    }
-    for (int round = 0; count > 0 && round < 3; ++round) {
-      measure(count, tolerance_);
-      choose();
-      const auto wanted = static_cast<size_t>(patches_);
-      constexpr size_t kFar = 6;
-      if (fixedPatches() || wanted < kFar * tried_ || tried_ >= kMostTried) break;
-      count = std::min(kMostTried, wanted / 2);
-    }
+    else
+      chooseFrom(count);
     considerAdapting();
     plan_.choosing = watch_.seconds();
     // Rows made again to tell the error, and what no scene is too small for.
@@ -121,12 +114,24 @@ class Planner {
     if (patches(kTurn) < kWorth * patches(0)) cluster_ = kTurn;
   }
 
-  // Whether a few patches and rays already show light so even that it errs far less than asked for.
-  bool isEasy() {
+  // A trial of few patches and rays before a larger one: whether that shows light so even that it errs far less than asked for.
+  bool tryFew() {
     constexpr double kEasily = 0.2;
-    if (tolerance_ >= kCoarse || cluster_ > 0 || fixedPatches() || options_.patchSize > 0) return false;
+    if (tolerance_ >= kTight || cluster_ > 0 || fixedPatches() || options_.patchSize > 0) return false;
     measure(kFewTried, kUsualTolerance);
     return errorFor(static_cast<double>(tried_), trialSetting_).total() < kEasily * tolerance_;
+  }
+
+  // From a trial of so many patches, and of more where many more are wanted than were tried.
+  void chooseFrom(size_t count) {
+    for (int round = 0; round < 3; ++round) {
+      measure(count, tolerance_);
+      choose();
+      const auto wanted = static_cast<size_t>(patches_);
+      constexpr size_t kFar = 6;
+      if (fixedPatches() || wanted < kFar * tried_ || tried_ >= kMostTried) break;
+      count = std::min(kMostTried, wanted / 2);
+    }
   }
 
   double sizeFor(double n) const {
@@ -404,44 +409,6 @@ class Planner {
 };
 
 }  // namespace
-
-namespace {
-
-// joined(k): for every patch its group, patches of k times the size.
-template <typename Join>
-PatchSizeError errorByJoining(const FormFactorMatrix& f, const PatchSet& patches, const Lighting& lighting, Join joined) {
-  constexpr double kLow = 1.3, kHigh = 2;  // orders found in rooms with objects; coarse patches show less than they have
-  const auto joining = [&](uint32_t times) { return joiningError(f, patches, lighting.direct, lighting.solution, joined(times)).relative; };
-  const double twice = joining(2), fourTimes = joining(4);
-  const double order = twice > 0 ? std::clamp(std::log2(std::max(fourTimes / twice - 1, 1.0)), kLow, kHigh) : kHigh;
-  return {twice / (std::pow(2, order) - 1), order};
-}
-
-}  // namespace
-
-PatchSizeError patchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting) {
-  return errorByJoining(f, patches, lighting, [&](uint32_t times) {
-    const std::vector<uint32_t> ofCell = joinedCells(patches, facets, times);
-    std::vector<uint32_t> joined(patches.size());
-    for (uint32_t p = 0; p < joined.size(); ++p) joined[p] = ofCell[patches.cellsOf(p)[0]];
-    return joined;
-  });
-}
-
-PatchSizeError gatheredPatchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const Scene& scene, const FacetSet& facets, const Lighting& lighting,
-                                    const PatchOptions& size) {
-  return errorByJoining(f, patches, lighting, [&](uint32_t times) {
-    PatchOptions wider = size;
-    wider.size *= times;
-    return joinedTo(buildPatches(scene, facets, wider), patches, facets);
-  });
-}
-
-double adaptedPatchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting, const Adapting& adapting) {
-  const std::vector<uint32_t> joined = joinedSiblings(patches, facets, adapting.adapted.tree.levels());
-  const double seen = joiningError(f, patches, lighting.direct, lighting.solution, joined).relative;
-  return seen > 0 ? seen / (std::pow(2, adapting.order) - 1) : adapting.adapted.error;
-}
 
 TolerancePlan planFor(const Options& options, const Scene& scene, const FacetSet& facets, const MethodSpec& method) {
   return Planner(options, scene, facets, method).plan();

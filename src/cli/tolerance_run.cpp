@@ -3,6 +3,7 @@
 #include "base/error.h"
 #include "cli/factor_stage.h"
 #include "cli/light_stage.h"
+#include "cli/patch_size_error.h"
 
 namespace farol {
 namespace {

@@ -36,16 +36,16 @@ struct Query {
 struct Query {
   Query() {
     rtcInitIntersectContext(&context);
-    rtcInitIntersectContext(&apart);
+    rtcInitIntersectContext(&incoherent);
     context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
   }
-  RTCIntersectContext context, apart;
+  RTCIntersectContext context, incoherent;
   void intersect(const int* v, RTCScene s, RTCRayHit4& r) { rtcIntersect4(v, s, &context, &r); }
   void intersect(const int* v, RTCScene s, RTCRayHit8& r) { rtcIntersect8(v, s, &context, &r); }
   void intersect(const int* v, RTCScene s, RTCRayHit16& r) { rtcIntersect16(v, s, &context, &r); }
-  void occluded(const int* v, RTCScene s, RTCRay4& r) { rtcOccluded4(v, s, &apart, &r); }
-  void occluded(const int* v, RTCScene s, RTCRay8& r) { rtcOccluded8(v, s, &apart, &r); }
-  void occluded(const int* v, RTCScene s, RTCRay16& r) { rtcOccluded16(v, s, &apart, &r); }
+  void occluded(const int* v, RTCScene s, RTCRay4& r) { rtcOccluded4(v, s, &incoherent, &r); }
+  void occluded(const int* v, RTCScene s, RTCRay8& r) { rtcOccluded8(v, s, &incoherent, &r); }
+  void occluded(const int* v, RTCScene s, RTCRay16& r) { rtcOccluded16(v, s, &incoherent, &r); }
 };
 #endif
 

@@ -2,7 +2,7 @@
 // themselves and on a grid of 8 x 8 per facet (as a picture shows it), against gathering paths.
 // Then a detailed model, a patch per triangle against patches of many.
 // farol_adaptive [seconds of reference, SCENE...]
-#include "cli/tolerance.h"
+#include "cli/patch_size_error.h"
 #include "reference/gathering.h"
 #include "solve/node_irradiance.h"
 #include "test_scene.h"

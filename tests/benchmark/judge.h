@@ -55,13 +55,13 @@ class Judge {
       return means;
     };
     GatheredIrradiance paths = bySurface(gather(coarse, seconds, false));
-    const GatheredIrradiance final = bySurface(gather(coarse, seconds, true));
+    const GatheredIrradiance found = bySurface(gather(coarse, seconds, true));
     PatchSet surfaces;
     surfaces.patches.resize(scene_.surfaces.size());
     std::vector<Rgb> mean(scene_.surfaces.size());
     for (size_t s = 0; s < mean.size(); ++s) {
       surfaces.patches[s].area = paths.exposed[s];
-      mean[s] = 0.5 * (final.half[0][s] + final.half[1][s]);
+      mean[s] = 0.5 * (found.half[0][s] + found.half[1][s]);
       paths.exposed[s] = paths.exposed[s] > 0 ? 1 : 0;
     }
     return errorOf(mean, surfaces, paths);
@@ -112,10 +112,10 @@ class Judge {
     const Adapting a = adaptTo(o, scene_, facets_, method);
     return buildPatches(scene_, facets_, a.size, a.adapted.tree);
   }
-  GatheredIrradiance gather(const PatchSet& patches, double seconds, bool final) const {
+  GatheredIrradiance gather(const PatchSet& patches, double seconds, bool finally) const {
     const LampPlan lamps = chooseLamps(facets_, patches, {});
     PathGatherer gatherer(tracer_, facets_, patches, scene_, lamps, Rgb(0), {});
-    if (final) gatherer.endWith(fine_->patches(), known_);
+    if (finally) gatherer.endWith(fine_->patches(), known_);
     const PatchSet* set = &patches;
     return gatherIrradiance(gatherer, tracer_, facets_, std::span(&set, 1), seconds, 77, [](double) {})[0];
   }

@@ -1,5 +1,5 @@
 // --adapt: patches of different sizes against patches of one size, on the same fine solution.
-#include "cli/tolerance.h"
+#include "cli/patch_size_error.h"
 #include "program.h"
 #include "test_scene.h"
 

@@ -17,6 +17,17 @@ TEST(Sobol, BeginsAsPublished) {
   EXPECT_EQ(sobolPoint(3), (std::array<uint32_t, 4>{3 * kQuarter, kQuarter, kQuarter, kQuarter}));
 }
 
+// All ten, as scipy.stats.qmc.Sobol(10, scramble=False) has them, whose order is that of Gray's code, in 64ths.
+TEST(Sobol, HasTenDimensions) {
+  const auto expect = [](uint32_t number, const std::array<uint32_t, kSobolDimensions>& parts) {
+    const auto x = sobolPoint<kSobolDimensions>(number ^ number >> 1);
+    for (size_t d = 0; d < parts.size(); ++d) EXPECT_EQ(x[d], parts[d] << 26) << number << ", dimension " << d;
+  };
+  expect(5, {56, 56, 8, 24, 56, 40, 56, 24, 24, 8});
+  expect(19, {22, 46, 46, 26, 2, 46, 18, 38, 14, 26});
+  expect(37, {59, 41, 37, 59, 49, 19, 11, 51, 39, 11});
+}
+
 // In every byte of the number: a point is the sum modulo 2 of those of its bits.
 TEST(Sobol, PointsAddUpBitByBit) {
   for (uint64_t k = 0; k < 1000; ++k) {
@@ -39,10 +50,10 @@ TEST(Sobol, EveryBitOfANumberHasItsPlace) {
 TEST(Sobol, RunsFillEveryStratum) {
   constexpr uint32_t kRun = 4096;
   for (const uint32_t first : {0u, 3 * kRun, 1u << 20, 0xFFFFF000u}) {
-    std::array<std::set<uint32_t>, 4> strata;
+    std::array<std::set<uint32_t>, kSobolDimensions> strata;
     for (uint32_t k = 0; k < kRun; ++k) {
-      const auto x = sobolPoint(first + k);
-      for (size_t d = 0; d < 4; ++d) strata[d].insert(x[d] >> 20);
+      const auto x = sobolPoint<kSobolDimensions>(first + k);
+      for (size_t d = 0; d < x.size(); ++d) strata[d].insert(x[d] >> 20);
     }
     for (const auto& s : strata) EXPECT_EQ(s.size(), kRun) << first;
   }

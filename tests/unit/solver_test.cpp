@@ -1,6 +1,7 @@
 // The solver on systems small enough for paper: F is given, not computed.
 #include "base/error.h"
 #include "given_system.h"
+#include "solve/gather.h"
 #include "solve/system.h"
 
 #include <gtest/gtest.h>
@@ -289,6 +290,70 @@ TEST(Field, NoticesWhatIsAlike) {
   back.row(2) = Eigen::RowVector3d(0, -1, -2);
   b.add(back);
   EXPECT_TRUE(b.alike());
+}
+
+// In floats sums are good to 2e-7 of what is added up, for all kinds of rows, in three channels and in one, and however small or
+// large the values are.
+TEST(Field, ReadsFloatsAsWellAsItSays) {
+  constexpr uint32_t n = 1003;
+  for (const Storage storage : {Storage::float32, Storage::bits16}) {
+    FormFactorMatrix f(n, UINT64_MAX, storage);
+    for (uint32_t i = 0; i < n; ++i) {
+      std::vector<uint32_t> ids;
+      for (uint32_t j = 0; j < n; ++j) {
+        if (mixBits(i * n + j) % (i % 3 == 0 ? 9 : 1) == 0) ids.push_back(j);
+      }
+      if (i % 3 == 1) {
+        f.hits(i, ids, 1.0f / n);
+      } else {
+        std::vector<float> row(n, 0.0f);
+        for (const uint32_t j : ids) row[j] = static_cast<float>(unitFromBits(mixBits(i + j)) / n);
+        std::copy(row.begin(), row.end(), f.row(i).begin());
+      }
+      f.finish(i, {});
+    }
+    std::vector<size_t> all(n);
+    std::iota(all.begin(), all.end(), size_t{0});
+    for (const double size : {1e-60, 1.0, 1e60}) {
+      for (const bool alike : {false, true}) {
+        Channels values(n, 3);
+        for (Eigen::Index i = 0; i < n; ++i) {
+          for (Eigen::Index c = 0; c < 3; ++c) values(i, c) = size * (unitFromBits(mixBits(static_cast<uint64_t>(3 * i + (alike ? 0 : c)))) - 0.3);
+        }
+        const Field exact(values), sizes(values.cwiseAbs()), rough(values, Reading::inFloat);
+        bool differs = false;
+        forParts(all, [&](std::span<const size_t> part, size_t) {
+          std::array<Eigen::RowVector3d, kRowsAtOnce> a, b, most;
+          gather(f, part, exact, a.data());
+          gather(f, part, rough, b.data());
+          gather(f, part, sizes, most.data());
+          for (size_t k = 0; k < part.size(); ++k) {
+            for (Eigen::Index c = 0; c < 3; ++c) ASSERT_NEAR(b[k][c], a[k][c], 2e-7 * most[k][c]) << "row " << part[k];
+          }
+        });
+        for (const size_t i : all) {
+          Eigen::RowVector3d a, b;
+          gather(f, std::span(&i, 1), exact, &a);
+          gather(f, std::span(&i, 1), rough, &b);
+          differs |= a != b;
+        }
+        EXPECT_TRUE(differs) << "the floats were not read";
+      }
+    }
+  }
+}
+
+// What converged is told after one more sweep: B = E + rho H to the last bit.
+TEST(Solver, TellsRadiosityOfItsIrradiance) {
+  const GivenSystem given = chain(60, 0.9);
+  for (const SolverKind kind : kAll) {
+    const Solution s = given.solve(kind, 1e-3);
+    ASSERT_TRUE(s.converged);
+    for (size_t i = 0; i < 60; ++i) {
+      const Patch& p = given.patches.patches[i];
+      EXPECT_EQ(s.radiosity[i].r, p.emission.r + p.reflectance.r * s.irradiance[i].r) << i;
+    }
+  }
 }
 
 TEST(Solver, LeavesBlackPatchesAsTheyAre) {

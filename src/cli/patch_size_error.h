@@ -1,0 +1,23 @@
+// What constant patches cost H, told from a trial or a finished run by joining its patches to larger ones.
+#pragma once
+
+#include "cli/adapting.h"
+
+namespace farol {
+
+// The error of a trial or a finished run by its patches, and the power of their size that it falls with. Joining two by two and
+// four by four (joiningError) shows by how much the errors of two and four times the size are larger: e (2^p - 1), e (4^p - 1).
+struct PatchSizeError {
+  double error = 0, order = 1;
+};
+PatchSizeError patchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting);
+
+// The same for patches of `size` that gather facets, by joining them to those of two and four times the size.
+PatchSizeError gatheredPatchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const Scene& scene, const FacetSet& facets, const Lighting& lighting,
+                                    const PatchOptions& size);
+
+// The same for patches of several sizes, by joining those that have three siblings of their size, nearly all, and the order that
+// the trial has shown.
+double adaptedPatchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting, const Adapting& adapting);
+
+}  // namespace farol
