@@ -33,7 +33,7 @@ FAROL_CONST kBindingCullFaces = 2;     // FaceRecord [faces]
 FAROL_CONST kBindingCullVisible = 3;
 FAROL_CONST kBindingCullDraws = 4;  // uint [faces x clusters x 5], indexed indirect draws
 FAROL_CONST kCullBindingCount = 5;
-FAROL_CONST kCullGroupSize = 64;
+FAROL_CONST kCullGroupSize = 64;  // layers side by side: two words of bits
 
 // Bindings of the reduction, set 0. An item is a cell's number; the number of cells for nothing seen; one more for a
 // black back.
@@ -129,10 +129,10 @@ struct ViewPush {
 
 // Push constants of the culling (16 bytes).
 struct CullPush {
-  uint faces;
   uint clusters;
   uint layers;     // of this batch
   uint maxLayers;  // stride of the lists
+  uint pad0;
 };
 
 // Push constants of the reduction (16 bytes).

@@ -221,8 +221,8 @@ struct RasterRowMaker::Impl {
     if (layered) {
       const auto faces = static_cast<uint32_t>(layout.faces.size());
       commands.bind(cull, slot.cullBindings);
-      commands.push(shader::CullPush{faces, clusterCount, count, layers});
-      commands.dispatch((faces * clusterCount + shader::kCullGroupSize - 1) / shader::kCullGroupSize, 1);
+      commands.push(shader::CullPush{clusterCount, count, layers, 0});
+      commands.dispatch(std::min(clusterCount, device.limits().maxWorkgroupCount), faces);
     }
     commands.bind(draw, slot.drawBindings);
     commands.bindMesh(vertices, indices);
