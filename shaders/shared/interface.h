@@ -46,6 +46,12 @@ FAROL_CONST kReduceBindingCount = 4;
 FAROL_CONST kReduceGroupSize = 64;      // lanes per workgroup
 FAROL_CONST kReducePixelsPerLane = 16;  // consecutive pixels that one lane walks as runs
 
+// Bindings of the compaction, set 0.
+FAROL_CONST kBindingCompactRows = 0;   // uint [layers x bins]
+FAROL_CONST kBindingCompactLists = 1;  // uvec2 [layers x (1 + most)]
+FAROL_CONST kCompactBindingCount = 2;
+FAROL_CONST kCompactGroupSize = 128;  // bins side by side, a multiple of 32
+
 // Bindings of the masking of images, set 0.
 FAROL_CONST kBindingMaskItems = 0;
 FAROL_CONST kBindingMaskMirrors = 1;  // uint [cells + 3], mirror of an item, or kNoCell
@@ -143,6 +149,14 @@ struct ReducePush {
   uint pad1;
 };
 
+// Push constants of the compaction (16 bytes).
+struct CompactPush {
+  uint bins;  // per layer
+  uint most;  // of them that may hold something
+  uint pad0;
+  uint pad1;
+};
+
 // Push constants of the masking (16 bytes).
 struct MaskPush {
   uint pixels;      // per layer
@@ -161,7 +175,7 @@ struct JacobiPush {
 
 #ifdef __cplusplus
 static_assert(sizeof(FacetRecord) == 32 && sizeof(HemicubeFrame) == 80);
-static_assert(sizeof(ClusterRecord) == 48 && sizeof(FaceRecord) == 48 && sizeof(CullPush) == 16);
+static_assert(sizeof(ClusterRecord) == 48 && sizeof(FaceRecord) == 48 && sizeof(CullPush) == 16 && sizeof(CompactPush) == 16);
 static_assert(sizeof(ItemPush) == 80 && sizeof(ViewPush) == 80 && sizeof(ReducePush) == 16);
 static_assert(sizeof(JacobiPush) == 16);
 }  // namespace farol::shader

@@ -29,6 +29,12 @@ thread_local std::vector<float> spareRow;
 
 }  // namespace
 
+void RowStore::entries(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values) {
+  const std::span<float> to = row(patch);
+  std::fill(to.begin(), to.end(), 0.0f);
+  for (size_t k = 0; k < ids.size(); ++k) to[ids[k]] = values[k];
+}
+
 double FormFactorRow::at(size_t j) const {
   if (!dense.empty()) return static_cast<double>(dense[j]);
   if (!values.empty()) {
@@ -162,8 +168,7 @@ void FormFactorMatrix::entries(uint32_t patch, std::span<const uint32_t> ids, st
     rows_[patch].list = listOf({ids.begin(), ids.end()}, {values.begin(), values.end()});
     return;
   }
-  const std::span<float> to = this->row(patch);
-  for (size_t k = 0; k < ids.size(); ++k) to[ids[k]] = values[k];
+  RowStore::entries(patch, ids, values);
 }
 
 void FormFactorMatrix::borrow(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values, std::shared_ptr<const void> owner) {

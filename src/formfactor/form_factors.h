@@ -27,13 +27,15 @@ struct RowShares {
   double specular = 0;    // share that met a mirror or glass first
 };
 
-// Receives finished rows, possibly from several threads, each row once, as `row` or as `hits`.
+// Receives finished rows, possibly from several threads, each row once, as `row`, `hits` or `entries`.
 class RowStore {
  public:
   virtual ~RowStore() = default;
   virtual std::span<float> row(uint32_t patch) = 0;  // [patches], to be filled completely
   // The row as a list: each id adds `weight` to its entry; the id [patches] adds nothing.
   virtual void hits(uint32_t patch, std::span<const uint32_t> ids, float weight) = 0;
+  // The row from its entries, ids ascending.
+  virtual void entries(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values);
   virtual void finish(uint32_t patch, const RowShares& shares) = 0;
   // Where rows go whose factors are those of green (1) or blue (2), when coloured mirrors make them differ; null: the
   // channels are alike.
@@ -81,6 +83,7 @@ class FormFactorMatrix : public RowStore {
 
   std::span<float> row(uint32_t patch) override;
   void hits(uint32_t patch, std::span<const uint32_t> ids, float weight) override;
+  void entries(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values) override;
   void finish(uint32_t patch, const RowShares& shares) override;
 
   // Where coloured mirrors or glass make F depend on the channel, this is red's and green and blue have their own beside.
@@ -90,8 +93,6 @@ class FormFactorMatrix : public RowStore {
   FormFactorMatrix& ofChannel(int c) { return c == 0 || others_.empty() ? *this : others_[static_cast<size_t>(c - 1)]; }
   RowStore* channel(int c) override { return others_.empty() ? nullptr : &ofChannel(c); }
 
-  // A row from its entries, ids ascending.
-  void entries(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values);
   // The same without a copy: `owner` keeps what the spans show.
   void borrow(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values, std::shared_ptr<const void> owner);
   // Whether entries are kept as a list, and not in a dense row.

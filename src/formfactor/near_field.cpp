@@ -91,28 +91,30 @@ double NearField::visibleShare(std::span<const Position> from, uint32_t i, uint3
   return visible / all;
 }
 
-void NearField::correct(uint32_t patch, std::span<float> row, RowShares& shares) const {
+void NearField::correct(uint32_t patch, std::span<const uint32_t> ids, std::span<float> row, RowShares& shares) const {
   constexpr size_t kMost = 16;
   constexpr double kWorthIt = 1e-6;  // predicted error of an entry
   constexpr float kSmallest = 1e-5f, kLarge = 0.05f;  // entries; a row has few large ones, which need more points
   struct Near {
     double error;
     uint32_t patch;
+    size_t place;  // in the row
     bool operator<(const Near& o) const { return error > o.error || (error == o.error && patch < o.patch); }
   };
   static thread_local std::vector<Near> near;
   near.clear();
   const double h = factor_.size(patch);
   double whole = shares.missed + shares.backs;
-  for (uint32_t j = 0; j < row.size(); ++j) {
-    if (row[j] <= 0) continue;
-    const auto f = static_cast<double>(row[j]);
+  for (size_t k = 0; k < row.size(); ++k) {
+    if (row[k] <= 0) continue;
+    const auto f = static_cast<double>(row[k]);
     whole += f;
-    if (row[j] < kSmallest) continue;
+    if (row[k] < kSmallest) continue;
+    const uint32_t j = ids.empty() ? static_cast<uint32_t>(k) : ids[k];
     const Vec3 d = factor_.centre(j) - factor_.centre(patch);
     // The error of the centre is largest at about half a size and falls towards contact (failure 1).
     const double error = 0.1 * f * h * h / std::max(glm::dot(d, d), 0.25 * h * h);
-    if (error > kWorthIt) near.push_back({error, j});
+    if (error > kWorthIt) near.push_back({error, j, k});
   }
   const size_t count = std::min(kMost, near.size());
   std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(count), near.end());
@@ -125,11 +127,12 @@ void NearField::correct(uint32_t patch, std::span<float> row, RowShares& shares)
   std::array<double, kMost> values{};
   for (size_t k = 0; k < count; ++k) {
     const uint32_t j = near[k].patch;
-    sampled += static_cast<double>(row[j]);
+    const float entry = row[near[k].place];
+    sampled += static_cast<double>(entry);
     const double d = glm::distance(factor_.centre(j), factor_.centre(patch));
     const double unoccluded =
         partly ? factor_.from(points, patch, j)
-               : factor_(patch, j, row[j] > kLarge ? 8 : d > 3 * h ? 2 : d > 1.5 * h ? 3 : 4);
+               : factor_(patch, j, entry > kLarge ? 8 : d > 3 * h ? 2 : d > 1.5 * h ? 3 : 4);
     values[k] = unoccluded * visibleShare(points, patch, j);
     exact += values[k];
   }
@@ -138,7 +141,7 @@ void NearField::correct(uint32_t patch, std::span<float> row, RowShares& shares)
   const bool enough = rest > 0 && scale > 0.5 && scale < 2;
   const double far = enough ? scale : 1, close = enough ? 1 : sampled / exact;
   for (float& f : row) f = static_cast<float>(static_cast<double>(f) * far);
-  for (size_t k = 0; k < count; ++k) row[near[k].patch] = static_cast<float>(values[k] * close);
+  for (size_t k = 0; k < count; ++k) row[near[k].place] = static_cast<float>(values[k] * close);
   shares.missed *= far;
   shares.backs *= far;
   shares.correction = enough ? far : close;

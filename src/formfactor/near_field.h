@@ -40,8 +40,9 @@ class NearField {
   NearField(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, const ExposedArea& exposed,
             uint64_t seed);
 
-  // Also scales the shares, and sets their `correction`.
-  void correct(uint32_t patch, std::span<float> row, RowShares& shares) const;
+  // Entries of the patches `ids`, ascending, or, where `ids` is empty, of all patches. Also scales the shares, and sets
+  // their `correction`.
+  void correct(uint32_t patch, std::span<const uint32_t> ids, std::span<float> row, RowShares& shares) const;
 
  private:
   std::vector<Position> exposedPoints(uint32_t i) const;

@@ -3,11 +3,8 @@
 #include "base/error.h"
 #include "base/machine.h"
 #include "formfactor/facet_mesh.h"
-#include "formfactor/hybrid.h"
-#include "formfactor/images.h"
-#include "formfactor/near_field.h"
+#include "formfactor/hemicube_rows.h"
 #include "formfactor/raster_tables.h"
-#include "formfactor/row_accumulator.h"
 #include "gpu/batch_size.h"
 #include "patch/positions.h"
 #include "shaders/hemicube.frag.h"
@@ -15,6 +12,7 @@
 #include "shaders/hemicube.vert.LAYERED.h"
 #include "shaders/hemicube.vert.LAYERED_IMAGES.h"
 #include "shaders/hemicube.vert.h"
+#include "shaders/hemicube_compact.comp.h"
 #include "shaders/hemicube_cull.comp.h"
 #include "shaders/hemicube_mask.comp.h"
 #include "shaders/hemicube_reduce.comp.MAPPED.h"
@@ -22,8 +20,6 @@
 #include "shared/interface.h"
 
 #include <optional>
-#include <tbb/enumerable_thread_specific.h>
-#include <tbb/parallel_for.h>
 
 namespace farol {
 namespace {
@@ -35,23 +31,6 @@ using shader::toVec4;
 constexpr double kNear = 1e-6;
 constexpr double kEdgeOn = 4e-7;                  // a few float32 roundings of points at most 0.5 from the centre
 constexpr uint32_t kFirstBatch = 16;              // hemicubes: nobody knows yet how long they take
-
-struct Hemicube {
-  uint32_t patch;
-  Vec3 point;
-  double weight;
-  double turn;  // about the normal [rad]
-  bool last;    // of its patch
-  MirrorImage image = {};
-  bool isImage = false;
-  uint32_t parent = kNone;  // an image's: place in the batch
-};
-
-HemicubePose poseOf(const Hemicube& h, const Vec3& normal) {
-  const Vec3 t = anyPerpendicular(normal), b = glm::cross(normal, t);
-  const double c = std::cos(h.turn), s = std::sin(h.turn);
-  return {h.point, c * t + s * b, c * b - s * t, normal};
-}
 
 shader::HemicubeFrame frameOf(const HemicubePose& p) {
   return {toVec4(p.origin), toVec4(p.x), toVec4(p.y), toVec4(p.z), toVec4(Vec3(0), 1)};
@@ -69,9 +48,9 @@ shader::HemicubeFrame frameOf(const MirrorImage& image) {
 struct RasterRowMaker::Impl {
   // One of two batches under way: while the device works on one, the host stores the rows of the other.
   struct Slot {
-    gpu::Buffer frames, rows, seen;  // seen: items, for hybrid
+    gpu::Buffer frames, counts, seen;  // counts: sums or lists; seen: items, for hybrid
     gpu::Buffer parents;             // of images: parent layer and mirror
-    gpu::Bindings cullBindings, drawBindings, maskBindings;
+    gpu::Bindings cullBindings, drawBindings, maskBindings, compactBindings;
     gpu::Commands commands;
     std::vector<Hemicube> hemicubes;
     Stopwatch sinceSubmission;
@@ -85,7 +64,7 @@ struct RasterRowMaker::Impl {
         layout(layoutOf(o.projection, o.resolution)),
         pixels(layout.width * layout.height),
         bins(static_cast<uint32_t>(p.size()) + (o.images != nullptr ? 3 : 2)),
-        backBin(static_cast<uint32_t>(p.size()) + 1),
+        mostListed(worthListing() ? pixels : 0),
         layers(chooseLayers()),
         size(kFirstBatch, std::min(mostPerHemicube(), layers), layers),
         layered(o.layered && d.info().layeredDrawing),
@@ -112,11 +91,13 @@ struct RasterRowMaker::Impl {
         reduce(d, "hemicube reduction",
                isIdentity(p) ? gpu::Spirv(hemicube_reduce_comp) : gpu::Spirv(hemicube_reduce_comp_MAPPED),
                shader::kReduceBindingCount, sizeof(shader::ReducePush)),
-        reduceBindings(d, "hemicube reduction", {o.images != nullptr ? &masked : &items, &deltaFactors, &binOfItem, &sums}) {
+        compact(d, "hemicube compaction", hemicube_compact_comp, shader::kCompactBindingCount, sizeof(shader::CompactPush)),
+        reduceBindings(d, "hemicube reduction", {o.images != nullptr ? &masked : &items, &deltaFactors, &binOfItem, &sums}),
+        hemicubeRows(f, p, options, layout, bins, mostListed) {
     for (const char* name : {"batch A", "batch B"}) {
       gpu::Buffer frames(d, fmt::format("{} frames", name), sizeof(shader::HemicubeFrame) * layers,
                          gpu::Memory::upload);
-      gpu::Buffer rows(d, fmt::format("{} rows", name), uint64_t{4} * bins * layers, gpu::Memory::download);
+      gpu::Buffer counts(d, fmt::format("{} rows", name), downloadBytes() * layers, gpu::Memory::download);
       gpu::Bindings cullBindings(d, fmt::format("{} culling", name),
                                  {&frames, &clusterRecords, &faceRecords, &visible, &draws});
       gpu::Bindings drawBindings(d, name, {&records, &frames, &visible});
@@ -124,26 +105,37 @@ struct RasterRowMaker::Impl {
                        gpu::Memory::download);
       gpu::Buffer parents(d, fmt::format("{} images", name), uint64_t{8} * layers, gpu::Memory::upload);
       gpu::Bindings maskBindings(d, fmt::format("{} masking", name), {&items, &mirrorOfItem, &parents, &masked});
+      gpu::Bindings compactBindings(d, fmt::format("{} compaction", name), {&sums, &counts});
       slots.push_back({std::move(frames),
-                       std::move(rows),
+                       std::move(counts),
                        std::move(seen),
                        std::move(parents),
                        std::move(cullBindings),
                        std::move(drawBindings),
                        std::move(maskBindings),
+                       std::move(compactBindings),
                        gpu::Commands(d, name),
                        {},
                        {}});
     }
     if (o.images != nullptr)
       mask.emplace(d, "hemicube masking", hemicube_mask_comp, shader::kMaskBindingCount, sizeof(shader::MaskPush));
-    if (o.tree != nullptr) paths.emplace(*o.tree, f, p, layout, quantisedFormFactors(o.projection, o.resolution));
   }
 
-  // Colour, depth and items per pixel; sums and two downloads per bin; lists of visible clusters.
+  // Bins that are empty stay on the device where there are many more of them than pixels: each pixel fills one at most.
+  bool worthListing() const {
+    constexpr uint32_t kEmptyBins = 2;
+    return options.lists && options.tree == nullptr && options.images == nullptr && bins >= kEmptyBins * (pixels + 1);
+  }
+  uint64_t downloadBytes() const {  // per hemicube
+    return mostListed > 0 ? uint64_t{8} * (1 + mostListed) : uint64_t{4} * bins;
+  }
+
+  // Colour, depth and items per pixel; sums per bin and two downloads; lists of visible clusters.
   uint64_t bytesPerLayer() const {
     const uint64_t seen = (options.tree != nullptr ? uint64_t{8} * pixels : 0) + (options.images != nullptr ? uint64_t{4} * pixels : 0);
-    return seen + uint64_t{12} * pixels + uint64_t{12} * bins + uint64_t{4} * drawCount(); }
+    return seen + uint64_t{12} * pixels + uint64_t{4} * bins + 2 * downloadBytes() + uint64_t{4} * drawCount();
+  }
 
   uint64_t drawCount() const { return uint64_t{layout.faces.size()} * clusterCountOf(facets); }
 
@@ -159,7 +151,7 @@ struct RasterRowMaker::Impl {
     const gpu::Limits& limits = device.limits();
     uint64_t count = options.deviceMemory / bytesPerLayer();
     count = std::min<uint64_t>(count, limits.maxImageLayers);
-    const uint64_t widest = std::max<uint64_t>({pixels, bins, drawCount()});  // words per layer of the largest buffer
+    const uint64_t widest = std::max<uint64_t>({pixels, bins, drawCount(), downloadBytes() / 4});  // words per layer of the largest buffer
     count = std::min(count, limits.maxStorageBufferRange / (4 * widest));
     count = std::min<uint64_t>(count, std::max(options.maxBatch, mostPerHemicube()));
     if (count == 0) {
@@ -241,107 +233,20 @@ struct RasterRowMaker::Impl {
     commands.push(shader::ReducePush{pixels, bins, 0, 0});
     constexpr uint32_t kPixelsPerGroup = shader::kReduceGroupSize * shader::kReducePixelsPerLane;
     commands.dispatch((pixels + kPixelsPerGroup - 1) / kPixelsPerGroup, count);
-    commands.copy(sums, slot.rows, uint64_t{4} * bins * count);
-    if (paths) commands.copy(items, slot.seen, uint64_t{4} * pixels * count);
+    if (mostListed > 0) {
+      commands.bind(compact, slot.compactBindings);
+      commands.push(shader::CompactPush{bins, mostListed, 0, 0});
+      commands.dispatch(count, 1);
+      commands.shareWithHost();
+    } else {
+      commands.copy(sums, slot.counts, uint64_t{4} * bins * count);
+    }
+    if (options.tree != nullptr) commands.copy(items, slot.seen, uint64_t{4} * pixels * count);
     slot.sinceSubmission = {};
     commands.submit();
   }
 
-  // Exposed share of a patch: measured beforehand, or what its positions say.
-  double exposedShare(uint32_t patch, double positions) const {
-    return options.exposed != nullptr ? std::min(static_cast<double>(options.exposed->share[patch]), positions > 0 ? 1.0 : 0.0)
-                                      : positions;
-  }
-
-  // Adds what paths find from the slot's k-th hemicube; `factors` as for PixelPaths.
-  void addPaths(const Slot& slot, size_t k, double weight, std::span<const double> factors, ContinuedEntries& to) const {
-    const Hemicube& h = slot.hemicubes[k];
-    paths->follow(slot.seen.as<const uint32_t>().data() + k * pixels, poseOf(h, patches.patches[h.patch].normal), weight,
-                  factors, options.tree->mediumBehind(h.patch), to);
-  }
-
-  // Adds what the images of the slot's k-th hemicube show. A mirror's pixels of which there is no image are cut.
-  void addImages(const Slot& slot, size_t k, double weight, std::span<const double> factors, ContinuedEntries& to) const {
-    const std::vector<uint32_t>& mirrorOf = options.images->mirrorOfPatch();
-    size_t end = k + 1;
-    while (end < slot.hemicubes.size() && slot.hemicubes[end].isImage) ++end;
-    // Where the near field changes what is seen of a mirror first, all that it shows is as much more or less.
-    std::vector<double> before(options.images->mirrorCount(), 0.0), after = before;
-    const auto countsOf = [&](size_t l) { return slot.rows.as<const uint32_t>().data() + l * bins; };
-    for (size_t j = 0; j < mirrorOf.size(); ++j) {
-      if (mirrorOf[j] == kNone) continue;
-      const double seen = countsOf(k)[j] / kFullHemisphere;
-      before[mirrorOf[j]] += seen;
-      after[mirrorOf[j]] += seen * (factors.empty() ? 1.0 : factors[j]);
-    }
-    for (const double seen : after) to.specular += weight * seen;
-    std::vector<uint8_t> shown(options.images->mirrorCount());
-    for (size_t l = k; l < end; ++l) {
-      const Hemicube& h = slot.hemicubes[l];
-      const uint32_t* counts = countsOf(l);
-      const uint32_t root = h.image.root;
-      const double change = h.isImage && before[root] > 0 ? after[root] / before[root] : 1.0;
-      const Rgb carried = weight * change / kFullHemisphere * (h.isImage ? h.image.weight : Rgb(1));
-      std::fill(shown.begin(), shown.end(), uint8_t{0});
-      for (size_t c = k + 1; c < end; ++c) {
-        if (slot.hemicubes[c].parent == l) shown[slot.hemicubes[c].image.mirror] = 1;
-      }
-      for (size_t j = 0; j < mirrorOf.size(); ++j) {
-        if (counts[j] == 0) continue;
-        if (h.isImage) to.met({0, static_cast<uint32_t>(j), false, 0, 0, carried * static_cast<double>(counts[j])});
-        if (mirrorOf[j] == kNone || shown[mirrorOf[j]] != 0) continue;
-        const double first = h.isImage || factors.empty() ? 1.0 : factors[j];
-        to.ends.cut += carried * (first * counts[j]) * patches.patches[j].mirror;
-      }
-      if (!h.isImage) continue;
-      to.ends.missed += carried * static_cast<double>(counts[backBin - 1]);
-      to.ends.backs += carried * static_cast<double>(counts[backBin]);
-    }
-  }
-
-  // The same with paths or images: where the near field changes what is seen first, paths from there carry as much more or less.
-  void storeSingleHybrid(RowStore& store, const Slot& slot, size_t k, const uint32_t* counts) {
-    const uint32_t patch = slot.hemicubes[k].patch;
-    const double share = counts[backBin] == kAllBacks ? 0 : exposedShare(patch, 1);
-    RowAccumulator& scratchRow = scratch.local();
-    scratchRow.continued.clear(patches.size(), store.channel(1) != nullptr ? 3 : 1);
-    std::vector<float> row(patches.size(), 0.0f);
-    RowShares shares{0, 0, 0};
-    if (share > 0) {
-      for (size_t j = 0; j < row.size(); ++j) row[j] = static_cast<float>(counts[j] / kFullHemisphere);
-      shares = {counts[backBin - 1] / kFullHemisphere, counts[backBin] / kFullHemisphere, share};
-      if (options.nearField != nullptr) options.nearField->correct(patch, row, shares);
-      std::vector<double> factors(row.size(), 1.0);
-      for (size_t j = 0; j < row.size(); ++j) {
-        if (counts[j] > 0) factors[j] = static_cast<double>(row[j]) * kFullHemisphere / counts[j];
-      }
-      if (paths) addPaths(slot, k, 1, factors, scratchRow.continued);
-      if (options.images != nullptr) addImages(slot, k, 1, factors, scratchRow.continued);
-    }
-    const std::vector<double> first(row.begin(), row.end());
-    RowAccumulator::storeContinued(store, patch, first, scratchRow.continued, 1, shares);
-  }
-
-  // One position: no sum to keep.
-  void storeSingle(RowStore& store, uint32_t patch, const uint32_t* counts) const {
-    const std::span<float> row = store.row(patch);
-    const double share = counts[backBin] == kAllBacks ? 0 : exposedShare(patch, 1);
-    for (size_t j = 0; j < row.size(); ++j) row[j] = static_cast<float>(share > 0 ? counts[j] / kFullHemisphere : 0.0);
-    if (share > 0) {
-      RowShares shares{counts[backBin - 1] / kFullHemisphere, counts[backBin] / kFullHemisphere, share};
-      if (options.nearField != nullptr) options.nearField->correct(patch, row, shares);
-      store.finish(patch, shares);
-    } else {
-      store.finish(patch, {0, 0, 0});
-    }
-  }
-
-  void storeSum(const RowAccumulator& row, RowStore& store, uint32_t patch) const {
-    row.store(store, patch, exposedShare(patch, row.exposed));
-  }
-
-  // Stores the rows that the slot's batch completes. A patch whose positions are cut by the batch's end stays
-  // in `carry`; positions are always added in their order, so the rows do not depend on where batches end.
+  // Stores the rows that the slot's batch completes.
   void collect(Slot& slot, RowStore& store) {
     const Stopwatch wait;
     slot.commands.wait();
@@ -351,53 +256,11 @@ struct RasterRowMaker::Impl {
     constexpr double kAtOnce = 1e-4;
     if (wait.seconds() > kAtOnce || busy < gpu::BatchSize::kSeconds) size.took(static_cast<uint32_t>(slot.hemicubes.size()), busy);
     sinceLastBatch = {};
-    struct Run {
-      size_t first, last;  // hemicubes of one patch
-    };
-    std::vector<Run> runs;
-    for (size_t k = 0; k < slot.hemicubes.size(); ++k) {
-      if (k == 0 || slot.hemicubes[k - 1].last) runs.push_back({k, k});
-      runs.back().last = k;
-    }
-    const auto counts = slot.rows.as<const uint32_t>();
-    const auto addRun = [&](const Run& run, RowAccumulator& to) {
-      for (size_t k = run.first; k <= run.last; ++k) {
-        if (slot.hemicubes[k].isImage) continue;
-        const uint32_t* own = counts.data() + k * bins;
-        to.add(own, slot.hemicubes[k].weight);
-        if (own[backBin] == kAllBacks) continue;
-        if (paths) addPaths(slot, k, slot.hemicubes[k].weight, {}, to.continued);
-        if (options.images != nullptr) addImages(slot, k, slot.hemicubes[k].weight, {}, to.continued);
-      }
-    };
-    const int channels = store.channel(1) != nullptr ? 3 : 1;
-    const auto clear = [&](RowAccumulator& to) {
-      to.clear(patches.size() + 2);
-      if (paths || options.images != nullptr) to.continued.clear(patches.size(), channels);
-    };
-    const auto open = [&](size_t r) { return !slot.hemicubes[runs[r].last].last || (r == 0 && carrying); };
-    tbb::parallel_for(size_t{0}, runs.size(), [&](size_t r) {
-      if (open(r)) return;
-      const Hemicube& only = slot.hemicubes[runs[r].first];
-      if (options.positions == 1 && (paths || options.images != nullptr))
-        return storeSingleHybrid(store, slot, runs[r].first, counts.data() + runs[r].first * bins);
-      if (options.positions == 1) return storeSingle(store, only.patch, counts.data() + runs[r].first * bins);
-      RowAccumulator& row = scratch.local();
-      clear(row);
-      addRun(runs[r], row);
-      storeSum(row, store, slot.hemicubes[runs[r].first].patch);
-    });
-    for (size_t r = 0; r < runs.size(); ++r) {
-      if (!open(r)) continue;
-      if (!carrying) clear(carry);
-      addRun(runs[r], carry);
-      carrying = !slot.hemicubes[runs[r].last].last;
-      if (!carrying) storeSum(carry, store, slot.hemicubes[runs[r].first].patch);
-    }
+    hemicubeRows.store({slot.hemicubes, slot.counts.as<const uint32_t>(), slot.seen.as<const uint32_t>()}, store);
   }
 
   void makeRows(std::span<const uint32_t> wanted, RowStore& store, const std::function<void(size_t)>& done) {
-    carrying = false;
+    hemicubeRows.forget();
     size_t batch = 0;
     Slot* busy = nullptr;
     std::vector<Hemicube> next;
@@ -453,7 +316,7 @@ struct RasterRowMaker::Impl {
   const PatchSet& patches;
   RasterOptions options;
   ProjectionLayout layout;
-  uint32_t pixels, bins, backBin, layers;
+  uint32_t pixels, bins, mostListed, layers;  // mostListed: bins of a list; 0: sums of all bins come back
   gpu::BatchSize size;  // hemicubes per submission
   Stopwatch sinceLastBatch;  // was done
   bool layered;
@@ -464,14 +327,11 @@ struct RasterRowMaker::Impl {
   gpu::RasterTarget target;
   gpu::Buffer items, sums, masked, mirrorOfItem;
   gpu::RasterPipeline draw;
-  gpu::ComputePipeline cull, reduce;
+  gpu::ComputePipeline cull, reduce, compact;
   std::optional<gpu::ComputePipeline> mask;  // with images
   gpu::Bindings reduceBindings;
   std::vector<Slot> slots;
-  std::optional<PixelPaths> paths;  // hybrid
-  tbb::enumerable_thread_specific<RowAccumulator> scratch;
-  RowAccumulator carry;
-  bool carrying = false;
+  HemicubeRows hemicubeRows;
 };
 
 RasterRowMaker::RasterRowMaker(const gpu::Device& device, const FacetSet& facets, const PatchSet& patches,

@@ -24,6 +24,7 @@ struct RasterOptions {
   uint64_t deviceMemory = uint64_t{256} << 20;  // for one batch [bytes]
   uint32_t maxBatch = 128;                      // hemicubes per submission; 0: as many as fit the memory
   bool layered = true;                          // draw all layers at once where the device can
+  bool lists = true;                            // leave empty bins on the device where most are empty
   bool turned = true;                           // about the normal; otherwise grids are in step (for comparison)
   const NearField* nearField = nullptr;         // corrects rows of one position; must outlive the maker
   const RayTree* tree = nullptr;                // hybrid: paths go on from mirrors and glass; must outlive the maker

@@ -220,6 +220,11 @@ void Commands::dispatch(uint32_t x, uint32_t y) {
                      VK_ACCESS_2_INDIRECT_COMMAND_READ_BIT);
 }
 
+void Commands::shareWithHost() {
+  impl_->barrier(VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT, VK_ACCESS_2_SHADER_WRITE_BIT, VK_PIPELINE_STAGE_2_HOST_BIT,
+                 VK_ACCESS_2_HOST_READ_BIT);
+}
+
 void Commands::submit() {
   const Device::Impl& d = impl_->device;
   check(d.vk.vkEndCommandBuffer(impl_->buffer), "end commands");

@@ -193,6 +193,7 @@ class Commands {
   void endRaster();
   void copyColor(const RasterTarget& target, uint32_t color, uint32_t layers, const Buffer& to);
   void dispatch(uint32_t x, uint32_t y);
+  void shareWithHost();  // what shaders wrote into mapped buffers
   void submit();
   void wait();  // until the last submission has finished; the host then sees what it wrote
 
