@@ -2,6 +2,7 @@
 
 #include "base/machine.h"
 #include "formfactor/rays.h"
+#include "light/lamp_images.h"
 
 #include <bit>
 #include <numeric>
@@ -101,13 +102,22 @@ void LightingMaker::addDirect(const Scene& scene, const PatchSet& patches, const
   if (lighting.plan.lamps.empty() && scene.lights.empty()) return;
   std::vector<double> exposed(patches.size());
   for (size_t i = 0; i < exposed.size(); ++i) exposed[i] = f.shares(i).exposed;
-  const auto computed = [&](const LampPlan& from) {
+  const bool overMirrors = patches.anySpecular() && !lighting.plan.lamps.empty();
+  std::optional<PlanarMirrors> mirrors;
+  std::optional<std::vector<Lamp>> images;
+  if (overMirrors) {
+    mirrors.emplace(facets_, patches);
+    images = lampImages(lighting.plan.lamps, *mirrors, methods_.limits());
+  }
+  const auto computed = [&](std::vector<Lamp> from) {
+    if (images && !from.empty()) from.insert(from.end(), images->begin(), images->end());
     Progress progress(log_, "direct light", "patches", 2 * patches.size());
-    return lamps(from, scene, patches, options_.seed).compute(exposed, [&](size_t done) { progress.update(done); });
+    return DirectIrradiance(methods_.tracer(), facets_, patches, from, scene.lights, {options_.shadowRays, options_.seed, mirrors ? &*mirrors : nullptr})
+        .compute(exposed, [&](size_t done) { progress.update(done); });
   };
-  lighting.direct = computed(lighting.plan);
+  lighting.direct = computed(lighting.plan.lamps);
   lighting.direct.apart = lighting.plan.apart;
-  if (patches.anySpecular() && !lighting.plan.lamps.empty()) {
+  if (overMirrors && !images) {
     std::vector<uint32_t> all(patches.size());
     std::iota(all.begin(), all.end(), 0u);
     std::erase_if(all, [&](uint32_t i) { return patches.patches[i].passesAll(); });

@@ -3,12 +3,9 @@
 #include "base/error.h"
 
 #include <algorithm>
-#include <map>
 
 namespace farol {
 namespace {
-
-constexpr double kInPlane = 1e-6;  // planes and polygons closer than this are one [unit coordinates]
 
 // The part of a convex polygon with n . p > d.
 std::vector<Vec3> clipped(const std::vector<Vec3>& polygon, const Vec3& n, double d) {
@@ -54,53 +51,26 @@ struct ImageTrees::Node {
 
 ImageTrees::ImageTrees(const Scene& scene, const FacetSet& facets, const PatchSet& patches, const TreeLimits& limits,
                        uint32_t maxImages)
-    : limits_(limits), maxImages_(maxImages), mirrorOfPatch_(patches.size(), kNone) {
+    : limits_(limits), maxImages_(maxImages), mirrors_(facets, patches) {
   const auto refuse = [&](uint32_t surface, const char* what) {
     throw Error("{}: surface '{}' {}, which --method raster cannot mirror; use rays or hybrid", scene.path,
                 scene.surfaces[surface].name, what);
   };
-  std::map<std::pair<uint32_t, uint32_t>, Vec3> edges;  // of mirrors: the normal of the facet met first
-  for (uint32_t i = 0; i < patches.size(); ++i) {
-    const Patch& p = patches.patches[i];
-    if (!p.isSpecular()) continue;
-    if (maxChannel(p.transmission) > 0) refuse(p.surface, "is clear glass");
-    const double distance = glm::dot(p.normal, facets.frame.toUnit(p.centre));
-    uint32_t m = 0;
-    while (m < mirrors_.size() && !(glm::distance(mirrors_[m].normal, p.normal) < kInPlane &&
-                                    std::abs(mirrors_[m].distance - distance) < kInPlane && mirrors_[m].reflectance == p.mirror))
-      ++m;
-    if (m == mirrors_.size()) mirrors_.push_back({p.normal, distance, p.mirror, {}});
-    mirrorOfPatch_[i] = m;
-    const Cell& first = patches.cells[patches.cellsOf(i)[0]];
-    const CellGrid& grid = patches.grids[first.facet];
-    if (patches.cellsOf(i)[0] != (first.back ? grid.backCell : grid.frontCell)) continue;  // once per facet
-    const Facet& facet = facets.facets[first.facet];
-    Polygon outline;
-    for (size_t k = 0; k < facet.cornerCount(); ++k) {
-      outline.push_back(facets.points[facet.corners[k]]);
-      const uint32_t a = facet.corners[k], b = facet.corners[(k + 1) % facet.cornerCount()];
-      const auto [at, isNew] = edges.try_emplace(std::minmax(a, b), p.normal);
-      constexpr double kShallow = 0.7;  // cosine of 45 degrees
-      const double cosine = glm::dot(at->second, p.normal);
-      if (!isNew && cosine > kShallow && cosine < 1 - 1e-9) refuse(p.surface, "is a curved mirror");
-    }
-    mirrors_[m].polygons.push_back(std::move(outline));
-  }
-  // A facet whose patches reflect differently is a mirror of each kind, as large as the facet: only their pixels count.
+  if (mirrors_.clearSurface() != kNone) refuse(mirrors_.clearSurface(), "is clear glass");
+  if (mirrors_.curvedSurface() != kNone) refuse(mirrors_.curvedSurface(), "is a curved mirror");
 }
 
 void ImageTrees::grow(const HemicubePose& pose, const Node* from, int parent, std::vector<Node>& queue) const {
   const Vec3& eye = pose.origin;
-  for (uint32_t m = 0; m < mirrors_.size(); ++m) {
-    const Mirror& mirror = mirrors_[m];
-    const double height = glm::dot(mirror.normal, eye) - mirror.distance;
-    if (height < kInPlane || (from != nullptr && from->image.mirror == m)) continue;
+  for (uint32_t m = 0; m < mirrors_.all().size(); ++m) {
+    const PlanarMirror& mirror = mirrors_.all()[m];
+    if (mirror.height(eye) < kInPlane || (from != nullptr && from->image.mirror == m)) continue;
     Node node;
     node.image.weight = (from != nullptr ? from->image.weight : Rgb(1)) * mirror.reflectance;
     node.depth = from != nullptr ? from->depth + 1 : 1;
     if (maxChannel(node.image.weight) < limits_.minWeight || node.depth > limits_.maxDepth) continue;
     double solid = 0;
-    for (const Polygon& outline : mirror.polygons) {
+    for (const Polygon& outline : mirror.outlines) {
       std::vector<Polygon> seen;
       if (from == nullptr) {
         seen.push_back(clipped(outline, pose.z, glm::dot(pose.z, eye) + 1e-9));
@@ -119,8 +89,7 @@ void ImageTrees::grow(const HemicubePose& pose, const Node* from, int parent, st
       }
     }
     if (node.openings.empty()) continue;
-    const auto reflectVector = [&](const Vec3& v) { return v - 2 * glm::dot(v, mirror.normal) * mirror.normal; };
-    node.image.pose = {eye - 2 * height * mirror.normal, reflectVector(pose.x), reflectVector(pose.y), reflectVector(pose.z)};
+    node.image.pose = {mirror.reflected(eye), mirror.turned(pose.x), mirror.turned(pose.y), mirror.turned(pose.z)};
     node.image.clipNormal = mirror.normal;
     node.image.clipDistance = mirror.distance;
     node.image.parent = parent;

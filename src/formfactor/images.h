@@ -3,8 +3,7 @@
 #pragma once
 
 #include "formfactor/hybrid.h"
-
-#include <string>
+#include "trace/planar_mirrors.h"
 
 namespace farol {
 
@@ -29,24 +28,17 @@ class ImageTrees {
   std::vector<MirrorImage> of(const HemicubePose& pose) const;
 
   uint32_t most() const { return maxImages_; }
-  const std::vector<uint32_t>& mirrorOfPatch() const { return mirrorOfPatch_; }  // kNone: no mirror
-  size_t mirrorCount() const { return mirrors_.size(); }
+  const std::vector<uint32_t>& mirrorOfPatch() const { return mirrors_.ofPatch(); }  // kNone: no mirror
+  size_t mirrorCount() const { return mirrors_.all().size(); }
 
  private:
   using Polygon = std::vector<Vec3>;
-  struct Mirror {
-    Vec3 normal{0};
-    double distance = 0;
-    Rgb reflectance{0};
-    std::vector<Polygon> polygons;
-  };
   struct Node;
   void grow(const HemicubePose& pose, const Node* from, int parent, std::vector<Node>& queue) const;
 
   const TreeLimits limits_;
   const uint32_t maxImages_;
-  std::vector<Mirror> mirrors_;
-  std::vector<uint32_t> mirrorOfPatch_;
+  const PlanarMirrors mirrors_;
 };
 
 }  // namespace farol

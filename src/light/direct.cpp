@@ -86,6 +86,8 @@ struct DirectIrradiance::Source {
   Rgb irradiance;  // unoccluded
   double weight;   // its largest channel
   std::array<uint32_t, 4> shift;  // of the sequence
+
+  bool isImage() const { return lamp != nullptr && !lamp->mirrors.empty(); }
 };
 
 std::vector<DirectIrradiance::Source> DirectIrradiance::sourcesOf(const Receiver& r) const {
@@ -112,6 +114,7 @@ std::vector<DirectIrradiance::Source> DirectIrradiance::sourcesOf(const Receiver
     bool above = r.bent;
     for (const Vec3& v : lamp.polygon) above |= glm::dot(r.normal, v - r.centre) > kRayOffset;
     if (!above || glm::dot(lamp.normal, r.centre - lamp.centre) + 2 * r.radius <= 0) continue;
+    if (!lamp.mirrors.empty() && options_.mirrors->all()[lamp.mirrors[0]].height(r.centre) + r.radius <= 0) continue;
     double f = 0;
     for (const Position& q : pointsFor(lamp)) f += q.weight * pointToPolygon(q.point, q.normal, lamp.polygon);
     add(&lamp, nullptr, f * lamp.emission);
@@ -157,7 +160,7 @@ class DirectIrradiance::Visibility {
     uint32_t live = 0;
     for (uint32_t k = 0; k < count; ++k) live |= packet_.kernel[k] > 0 ? 1u << k : 0u;
     if (r_.partlyCovered) live &= ~coveredOf(count);
-    const uint32_t hidden = all_.tracer_.occluded(packet_.rays, live);
+    const uint32_t hidden = hiddenOf(live);
     for (uint32_t k = 0; k < count; ++k) {
       if ((live >> k & 1) != 0) of(k, static_cast<double>(packet_.kernel[k]), (hidden >> k & 1) == 0);
     }
@@ -178,6 +181,19 @@ class DirectIrradiance::Visibility {
       packet_.startOn(k, piece, r_.offset);
       aim(k, *at_[k]);
     }
+  }
+
+  uint32_t hiddenOf(uint32_t live) const {
+    uint32_t images = 0;
+    std::array<std::span<const uint32_t>, kPacketSize> ways;
+    for (uint32_t k = 0; k < kPacketSize; ++k) {
+      if ((live >> k & 1) == 0 || !at_[k]->isImage()) continue;
+      images |= 1u << k;
+      ways[k] = at_[k]->lamp->mirrors;
+    }
+    uint32_t hidden = (live & ~images) != 0 ? all_.tracer_.occluded(packet_.rays, live & ~images) : 0;
+    if (images != 0) hidden |= images & ~all_.options_.mirrors->connected(all_.tracer_, packet_.rays, images, ways);
+    return hidden;
   }
 
   Vec3 originOf(uint32_t k) const { return {packet_.rays.ox[k], packet_.rays.oy[k], packet_.rays.oz[k]}; }
@@ -253,7 +269,7 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
   Estimate e;
   if (sources.empty()) return e;
   Visibility visibility(*this, r);
-  bool blocked = false, open = false;
+  bool blocked = false, open = false, imagePartly = false;
   const auto isPooled = [&](const Source& s) { return sources.size() > 1 && rays * s.weight / total < kFewestRays; };
   std::vector<const Source*> pool;
   double pooledWeight = 0;
@@ -268,11 +284,18 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
     const auto count = static_cast<uint32_t>(std::lround(rays * source.weight / total));
     for (uint32_t lane = 0; lane < kPacketSize; ++lane) visibility.aim(lane, source);
     Rounds sums(count);
+    bool hidden = false, seen = false;
     for (uint32_t k = 0; k < count; k += kPacketSize) {
       e.rays += visibility.trace(r.block * count + k, std::min(kPacketSize, count - k), [&](uint32_t lane, double w, bool visible) {
         sums.add(k + lane, w, visible);
-        (visible ? open : blocked) = true;
+        (visible ? seen : hidden) = true;
       });
+    }
+    if (source.isImage()) {  // most patches see no image: that is no penumbra
+      imagePartly |= hidden && seen;
+    } else {
+      blocked |= hidden;
+      open |= seen;
     }
     if (sums.empty()) continue;
     e.irradiance += sums.share() * source.irradiance;
@@ -297,7 +320,7 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
         all += share;
         if (visible) seen += share;
         sums.add(k + lane, w, visible);
-        (visible ? open : blocked) = true;
+        if (!visibility.sourceOf(lane).isImage()) (visible ? open : blocked) = true;
       });
     }
     for (int c = 0; c < 3; ++c) {
@@ -305,7 +328,7 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
     }
     if (!sums.empty()) variance += pooled * pooled * sums.variance();
   }
-  e.partly = blocked && open;
+  e.partly = imagePartly || (blocked && open);
   e.deviation = glm::sqrt(variance);
   return e;
 }

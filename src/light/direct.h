@@ -3,6 +3,7 @@
 
 #include "formfactor/form_factors.h"
 #include "light/shadow_packet.h"
+#include "trace/planar_mirrors.h"
 
 #include <functional>
 
@@ -12,6 +13,7 @@ struct DirectOptions {
   // S per patch; four times as many where neighbours see a lamp partly, a fourth (16 or more) where they agree.
   uint32_t shadowRays = 64;
   uint64_t seed = 1;
+  const PlanarMirrors* mirrors = nullptr;  // that images among the lamps name
 };
 
 // Light that reaches patches without F.

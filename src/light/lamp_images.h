@@ -1,0 +1,17 @@
+// Lamps as planar mirrors show them: light that reaches a patch over mirrors comes straight from an image of the lamp, where
+// shadow rays run over exactly these mirrors (trace/planar_mirrors.h).
+#pragma once
+
+#include "light/lamps.h"
+#include "trace/planar_mirrors.h"
+#include "trace/ray_tree.h"
+
+#include <optional>
+
+namespace farol {
+
+// An image for every sequence of mirrors in which some lamp may be seen, as far as the limits go. None where light passes a
+// surface, which bends its way, or where there would be more than 256 images: mirrors that are curved or form a pipe.
+std::optional<std::vector<Lamp>> lampImages(std::span<const Lamp> lamps, const PlanarMirrors& mirrors, const TreeLimits& limits);
+
+}  // namespace farol
