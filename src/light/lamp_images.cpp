@@ -40,7 +40,7 @@ std::optional<std::vector<Lamp>> lampImages(std::span<const Lamp> lamps, const P
         if (!reaches(mirror, lamp.normal, glm::dot(lamp.normal, lamp.centre))) continue;
       } else {
         const PlanarMirror& last = mirrors.all()[lamp.mirrors[0]];
-        if (lamp.mirrors[0] == m || !reaches(mirror, last.normal, last.distance) || !reaches(last, mirror.normal, mirror.distance)) continue;
+        if (!reaches(mirror, last.normal, last.distance) || !reaches(last, mirror.normal, mirror.distance)) continue;
       }
       Lamp image = imageOf(lamp, mirror, m);
       if (maxChannel(image.emission) < limits.minWeight * maxChannel(full)) continue;
