@@ -24,6 +24,7 @@ struct PathGatherer::Lane {
 struct PathGatherer::ShadowRays {
   RayPacket rays;
   std::array<Rgb, kPacketSize> light;  // that arrives when nothing is in between; zero: no ray
+  std::array<std::span<const uint32_t>, kPacketSize> ways;  // over mirrors
 
   ShadowRays() {
     for (uint32_t k = 0; k < kPacketSize; ++k) clear(k);
@@ -31,6 +32,7 @@ struct PathGatherer::ShadowRays {
   void clear(uint32_t k) {
     rays.set(k, Vec3(0), Vec3(0, 0, 1e-30));
     light[k] = Rgb(0);
+    ways[k] = {};
   }
 };
 
@@ -49,12 +51,20 @@ PathGatherer::PathGatherer(const Tracer& tracer, const FacetSet& facets, const P
     : tracer_(tracer),
       facets_(facets),
       scene_(scene),
-      lamps_(lamps),
+      plan_(lamps),
+      lamps_(lamps.lamps),
       sky_(sky),
       hitPatches_(facets, patches),
       tree_(tracer, facets, patches, limits) {
+  if (patches.anySpecular() && !lamps_.empty()) {
+    mirrors_.emplace(facets, patches);
+    if (const auto images = lampImages(lamps.lamps, *mirrors_, limits))
+      lamps_.insert(lamps_.end(), images->begin(), images->end());
+    else
+      mirrors_.reset();
+  }
   double total = 0;
-  for (const Lamp& lamp : lamps.lamps) lampChance_.push_back(total += lamp.area * luminance(lamp.emission));
+  for (const Lamp& lamp : lamps_) lampChance_.push_back(total += lamp.area * luminance(lamp.emission));
   for (double& chance : lampChance_) chance /= total;
   for (const Surface& s : scene.surfaces) {
     const Material& m = scene.materials[s.material];
@@ -91,14 +101,14 @@ void PathGatherer::start(GatherPath& path, Lane& lane) const {
 // Where a path starts, by about what each lamp brings there unless something is in between: never 0 for one that may bring
 // something. Further on by their power. `s`, a number in [0,1), is used up and made anew. All lamps: none brings anything.
 std::pair<size_t, double> PathGatherer::chooseLamp(const Lane& lane, double& s) const {
-  const size_t count = lamps_.lamps.size();
+  const size_t count = lamps_.size();
   std::span<const double> sums = lampChance_;  // cumulative
   thread_local std::vector<double> here;
   if (lane.depth == 0 && count > 1) {
     here.resize(count);
     double sum = 0;
     for (size_t l = 0; l < count; ++l) {
-      const Lamp& lamp = lamps_.lamps[l];
+      const Lamp& lamp = lamps_[l];
       const Vec3 d = lamp.centre - lane.point;
       const double above = glm::dot(lane.normal, d) + lamp.radius, there = -glm::dot(lamp.normal, d);
       const double squared = std::max(glm::dot(d, d), lamp.radius * lamp.radius);
@@ -123,8 +133,8 @@ void PathGatherer::light(Lane& lane, uint32_t k, ShadowRays& toLamps, ShadowRays
   if (!lampChance_.empty()) {
     double s = lane.next(), t = lane.next();
     const auto [which, chance] = chooseLamp(lane, s);
-    if (which == lamps_.lamps.size()) return lightPunctual(lane, k, toPunctual);
-    const Lamp& lamp = lamps_.lamps[which];
+    if (which == lamps_.size()) return lightPunctual(lane, k, toPunctual);
+    const Lamp& lamp = lamps_[which];
     // A parallelogram or a triangle: both are affine, and a triangle is half of one.
     const bool half = lamp.polygon.size() == 3;
     if (half && s + t > 1) {
@@ -138,6 +148,7 @@ void PathGatherer::light(Lane& lane, uint32_t k, ShadowRays& toLamps, ShadowRays
     if (here > 0 && there > 0) {
       toLamps.light[k] = lane.weight * lamp.emission * (lamp.area * here * there / (kPi * squared * squared * chance));
       toLamps.rays.set(k, from, q + kRayOffset * lamp.normal - from);
+      toLamps.ways[k] = lamp.mirrors;
     }
   }
   lightPunctual(lane, k, toPunctual);
@@ -168,7 +179,7 @@ void PathGatherer::meet(const HitPacket& hits, const RayPacket& rays, uint32_t k
   if (patch == kNone) return end();
   PathHit next{facet, patch, back, hits.u[k], hits.v[k], Rgb(1)};
   Rgb factor = opticsAt(facet, static_cast<double>(next.u), static_cast<double>(next.v)).diffuse;
-  if (lamps_.apart[patch] == 0) sum += lane.weight * opticsAt(facet, static_cast<double>(next.u), static_cast<double>(next.v)).emission;
+  if (plan_.apart[patch] == 0) sum += lane.weight * opticsAt(facet, static_cast<double>(next.u), static_cast<double>(next.v)).emission;
   if (tree_.specular(patch)) {
     Met met;
     met.hits.push_back(next);
@@ -221,7 +232,10 @@ void PathGatherer::gather(std::span<GatherPath> paths) const {
   HitPacket hits;
   ShadowRays toLamps, toPunctual;
   const auto addLight = [&](ShadowRays& shadow, uint32_t count) {
-    const uint32_t blocked = tracer_.occluded(shadow.rays, firstRays(count));
+    uint32_t images = 0;
+    for (uint32_t k = 0; k < count; ++k) images |= shadow.ways[k].empty() ? 0u : 1u << k;
+    uint32_t blocked = tracer_.occluded(shadow.rays, firstRays(count) & ~images);
+    if (images != 0) blocked |= images & ~mirrors_->connected(tracer_, shadow.rays, images, shadow.ways);
     for (uint32_t k = 0; k < count; ++k) {
       if (lanes[k].path != nullptr && (blocked >> k & 1) == 0) lanes[k].path->irradiance += shadow.light[k];
     }

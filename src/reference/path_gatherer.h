@@ -1,9 +1,9 @@
-// Irradiance of the continuous scene at a point, by paths: no patches, no form factors, no mesh error. Light of lamps apart
-// and of punctual lights is sampled at every point of a path by a shadow ray, everything else is met.
+// Irradiance of the continuous scene at a point, by paths: no patches, no form factors, no mesh error. Light of lamps apart, of
+// their images in planar mirrors and of punctual lights is sampled at every point of a path by a shadow ray, everything else is met.
 #pragma once
 
 #include "base/sobol.h"
-#include "light/lamps.h"
+#include "light/lamp_images.h"
 #include "trace/ray_tree.h"
 
 #include <optional>
@@ -49,7 +49,9 @@ class PathGatherer {
   const Tracer& tracer_;
   const FacetSet& facets_;
   const Scene& scene_;
-  const LampPlan& lamps_;
+  const LampPlan& plan_;
+  std::optional<PlanarMirrors> mirrors_;  // where they show images of lamps
+  std::vector<Lamp> lamps_;               // and these images
   Rgb sky_;
   HitPatches hitPatches_;
   std::optional<HitPatches> knownPatches_;
