@@ -1,12 +1,10 @@
 #include "cli/lighting.h"
 
 #include "base/machine.h"
-#include "formfactor/rays.h"
 #include "light/lamp_images.h"
+#include "light/specular_light.h"
 
 #include <bit>
-#include <numeric>
-#include <tbb/enumerable_thread_specific.h>
 
 namespace farol {
 
@@ -35,70 +33,22 @@ DirectIrradiance LightingMaker::lamps(const LampPlan& plan, const Scene& scene, 
   return {methods_.tracer(), facets_, patches, plan.lamps, scene.lights, {options_.shadowRays, seed}};
 }
 
-namespace {
-
-// Takes rows of continued paths, one channel after the other, and keeps only the light of lamps apart that they bring.
-class LampLight : public RowStore {
- public:
-  LampLight(const PatchSet& patches, const DirectLight& direct, int c, std::vector<Rgb>& irradiance)
-      : patches_(patches), direct_(direct), c_(c), irradiance_(irradiance) {}
-  std::span<float> row(uint32_t /*patch*/) override {
-    std::vector<float>& row = rows_.local();
-    row.assign(patches_.size(), 0.0f);
-    return row;
+// Shadow rays stop at mirrors and glass: what these pass on of the lamps apart is followed from the lamps.
+void LightingMaker::addFollowed(const PatchSet& patches, const std::vector<double>& exposed, DirectLight& direct) const {
+  constexpr size_t kPerShadowRay = 4;
+  const RayTree tree(methods_.tracer(), facets_, patches, methods_.limits());
+  Progress progress(log_, "light over mirrors and through glass", "patches", patches.size());
+  const SpecularLight more = traceSpecularLight(methods_.tracer(), facets_, patches, tree, direct.apart, exposed, kPerShadowRay * options_.shadowRays * patches.size(),
+                                                mixBits(options_.seed + 2), [&](double done) { progress.update(static_cast<size_t>(done * static_cast<double>(patches.size()))); });
+  for (size_t i = 0; i < patches.size(); ++i) {
+    direct.irradiance[i] += more.irradiance[i];
+    direct.deviation[i] = glm::sqrt(direct.deviation[i] * direct.deviation[i] + more.deviation[i] * more.deviation[i]);
   }
-  void hits(uint32_t /*patch*/, std::span<const uint32_t> /*ids*/, float /*weight*/) override { rows_.local().clear(); }
-  void finish(uint32_t patch, const RowShares& /*shares*/) override {
-    const std::vector<float>& row = rows_.local();
-    for (size_t j = 0; j < row.size(); ++j) {
-      if (row[j] != 0 && direct_.isApart(j)) irradiance_[patch][c_] += static_cast<double>(row[j]) * patches_.patches[j].emission[c_];
-    }
-  }
-  RowStore* channel(int c) override { return c_ == 0 ? others_[static_cast<size_t>(c - 1)] : nullptr; }
-  void setChannels(RowStore* green, RowStore* blue) { others_ = {green, blue}; }
-
- private:
-  const PatchSet& patches_;
-  const DirectLight& direct_;
-  int c_;
-  std::vector<Rgb>& irradiance_;
-  std::array<RowStore*, 2> others_{};
-  tbb::enumerable_thread_specific<std::vector<float>> rows_;
-};
-
-}  // namespace
-
-// Shadow rays run straight from a lamp to a patch and stop at mirrors and glass. What these pass on of the lamps apart is
-// gathered by rays of its own, of whose paths only what comes after the first mirror or glass counts: nothing is lost and
-// nothing counted twice.
-void LightingMaker::addThroughMirrors(const PatchSet& patches, const MethodSpec& spec, std::span<const uint32_t> rows, DirectLight& direct) const {
-  constexpr uint32_t kPerShadowRay = 16;  // few of them meet a lamp
-  // Two halves of one sequence: their difference tells the error.
-  std::array<std::vector<Rgb>, 2> half;
-  Progress progress(log_, "light over mirrors and through glass", "rows", half.size() * rows.size());
-  for (uint32_t h = 0; h < half.size(); ++h) {
-    half[h].assign(patches.size(), Rgb(0));
-    RayOptions o;
-    o.rays = std::max(kPerShadowRay * options_.shadowRays, spec.kind == MethodSpec::Kind::rays ? spec.rays : 0) / 2;
-    o.seed = mixBits(options_.seed + 2);
-    o.stretch = h;
-    o.limits = methods_.limits();
-    o.continuedOnly = true;
-    LampLight red(patches, direct, 0, half[h]), green(patches, direct, 1, half[h]), blue(patches, direct, 2, half[h]);
-    red.setChannels(&green, &blue);
-    RayRowMaker(methods_.tracer(), facets_, patches, o).makeRows(rows, red, [&](size_t done) { progress.update(h * rows.size() + done); });
-    direct.rays += rows.size() * o.rays;
-  }
-  for (const uint32_t i : rows) {
-    direct.irradiance[i] += 0.5 * (half[0][i] + half[1][i]);
-    const Rgb difference = half[0][i] - half[1][i];
-    const Rgb variance = 0.5 * difference * difference * std::pow(2.0, -2 * kSampleOrder);
-    direct.deviation[i] = glm::sqrt(direct.deviation[i] * direct.deviation[i] + variance);
-  }
+  direct.rays += more.rays;
 }
 
 void LightingMaker::addDirect(const Scene& scene, const PatchSet& patches, const FormFactorMatrix& f,
-                              const MethodSpec& spec, Lighting& lighting) const {
+                              Lighting& lighting) const {
   if (lighting.plan.lamps.empty() && scene.lights.empty()) return;
   std::vector<double> exposed(patches.size());
   for (size_t i = 0; i < exposed.size(); ++i) exposed[i] = f.shares(i).exposed;
@@ -107,7 +57,8 @@ void LightingMaker::addDirect(const Scene& scene, const PatchSet& patches, const
   std::optional<std::vector<Lamp>> images;
   if (overMirrors) {
     mirrors.emplace(facets_, patches);
-    images = lampImages(lighting.plan.lamps, *mirrors, methods_.limits());
+    // On two cores an image costs a patch 0.6 us, as much as a shadow ray costs light that is followed from the lamps.
+    images = lampImages(lighting.plan.lamps, *mirrors, methods_.limits(), std::min<size_t>(kMostLampImages, options_.shadowRays));
   }
   const auto computed = [&](std::vector<Lamp> from) {
     if (images && !from.empty()) from.insert(from.end(), images->begin(), images->end());
@@ -117,12 +68,7 @@ void LightingMaker::addDirect(const Scene& scene, const PatchSet& patches, const
   };
   lighting.direct = computed(lighting.plan.lamps);
   lighting.direct.apart = lighting.plan.apart;
-  if (overMirrors && !images) {
-    std::vector<uint32_t> all(patches.size());
-    std::iota(all.begin(), all.end(), 0u);
-    std::erase_if(all, [&](uint32_t i) { return patches.patches[i].passesAll(); });
-    addThroughMirrors(patches, spec, all, lighting.direct);
-  }
+  if (overMirrors && !images) addFollowed(patches, exposed, lighting.direct);
   if (!scene.lights.empty())
     lighting.fromPunctual = computed({}).irradiance;
 }
@@ -131,7 +77,7 @@ Lighting LightingMaker::solve(const Scene& scene, const PatchSet& patches, const
                               const MethodSpec& spec, const gpu::Device* device) const {
   Lighting lighting;
   lighting.plan = plan(patches, spec);
-  addDirect(scene, patches, f, spec, lighting);
+  addDirect(scene, patches, f, lighting);
   SolveOptions o;
   o.kind = options_.solver;
   o.residual = options_.residual;

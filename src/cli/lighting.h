@@ -39,9 +39,8 @@ class LightingMaker {
   Lighting local(const Scene& scene, const PatchSet& patches) const;
 
  private:
-  void addDirect(const Scene& scene, const PatchSet& patches, const FormFactorMatrix& f, const MethodSpec& spec,
-                 Lighting& lighting) const;
-  void addThroughMirrors(const PatchSet& patches, const MethodSpec& spec, std::span<const uint32_t> rows, DirectLight& direct) const;
+  void addDirect(const Scene& scene, const PatchSet& patches, const FormFactorMatrix& f, Lighting& lighting) const;
+  void addFollowed(const PatchSet& patches, const std::vector<double>& exposed, DirectLight& direct) const;
 
   const Options& options_;
   const FacetSet& facets_;

@@ -44,7 +44,7 @@ float wrap(float x) {
 
 }  // namespace
 
-SampleTable::SampleTable(uint32_t k, uint64_t seed, Kind kind, uint32_t stretch) : samples(k) {
+SampleTable::SampleTable(uint32_t k, uint64_t seed, Kind kind) : samples(k) {
   const size_t total = size_t{kBlocks} * samples;
   resize(apart, total + kPacketSize);
   std::vector<uint32_t> codes(total);
@@ -57,7 +57,7 @@ SampleTable::SampleTable(uint32_t k, uint64_t seed, Kind kind, uint32_t stretch)
     };
     std::vector<Point> points(samples);
     for (uint32_t i = 0; i < samples; ++i) {
-      const uint32_t number = (stretch * kBlocks + block) * samples + i;
+      const uint32_t number = block * samples + i;
       std::array<uint32_t, 4> fixed = sobolPoint(number);
       for (uint32_t c = 0; c < 4; ++c) fixed[c] ^= scramble[c];
       if (kind == Kind::random) {
@@ -290,7 +290,7 @@ uint32_t TileRays::next(RayPacket& rays, std::array<uint32_t, kPacketSize>& memb
 
 struct RayRowMaker::Impl {
   Impl(const Tracer& t, const FacetSet& f, const PatchSet& p, const RayOptions& o)
-      : tracer(t), facets(f), patches(p), options(o), table(o.rays, o.seed, o.kind, o.stretch), hitPatches(f, p) {
+      : tracer(t), facets(f), patches(p), options(o), table(o.rays, o.seed, o.kind), hitPatches(f, p) {
     if (p.anySpecular()) tree.emplace(t, f, p, o.limits);
   }
 
@@ -386,9 +386,9 @@ struct RayRowMaker::Impl {
         to->finish(patch, shares);
       }
     };
-    if (kept == 0 || (options.continuedOnly && row.specularHits.empty())) {
+    if (kept == 0) {
       row.ids.assign(1, nothing);
-      return storeHits(0, {0, 0, kept > 0 ? 1.0 : 0.0});
+      return storeHits(0, {0, 0, 0});
     }
     const RowShares shares{static_cast<double>(row.missed) / kept, static_cast<double>(row.backs) / kept,
                            static_cast<double>(kept) / count};
@@ -431,7 +431,7 @@ struct RayRowMaker::Impl {
     }
     shares.specular = static_cast<double>(followed) / kept;
     tree->follow(std::span(row.specularHits).first(followed), entries, ends);
-    for (uint32_t ray = 0; ray < row.traced && !options.continuedOnly; ++ray) {
+    for (uint32_t ray = 0; ray < row.traced; ++ray) {
       const Rgb weight = row.weights.empty() ? Rgb(1) : row.weights[ray];
       if (row.ids[ray] != nothing) entries.add(row.ids[ray], weight);
       ends.absorbed += Rgb(1) - weight;

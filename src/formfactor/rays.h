@@ -20,8 +20,7 @@ struct SampleTable {
   static constexpr uint32_t kBlocks = 16;
   enum class Kind { lowDiscrepancy, random };  // random: for comparison only
 
-  // `stretch`: which 16 K points of the sequence, 0 the first.
-  SampleTable(uint32_t samples, uint64_t seed, Kind kind = Kind::lowDiscrepancy, uint32_t stretch = 0);
+  SampleTable(uint32_t samples, uint64_t seed, Kind kind = Kind::lowDiscrepancy);
 
   // Directions (unit, z along the normal) and origins in the unit square, [16 K] and a packet of zeros.
   struct Columns {
@@ -48,10 +47,8 @@ struct RayOptions {
   uint32_t rays = 256;  // K per patch
   uint64_t seed = 1;
   TreeLimits limits = {};         // of paths over mirrors and glass
-  bool continuedOnly = false;  // entries of what is met after a mirror or glass, without what is met first
   bool spread = true;  // origins over the patch; otherwise all at its centre (for comparison)
   SampleTable::Kind kind = SampleTable::Kind::lowDiscrepancy;
-  uint32_t stretch = 0;  // of the sequence: stretches of one seed add up to more rays of it
 };
 
 // Works on all cores through TBB; a row does not depend on the number of threads.

@@ -5,8 +5,6 @@
 namespace farol {
 namespace {
 
-constexpr size_t kMostImages = 256;
-
 bool reaches(const std::vector<Vec3>& polygon, const Vec3& normal, double distance) {
   return std::any_of(polygon.begin(), polygon.end(), [&](const Vec3& v) { return glm::dot(normal, v) - distance > kInPlane; });
 }
@@ -28,8 +26,8 @@ Lamp imageOf(const Lamp& lamp, const PlanarMirror& mirror, uint32_t number) {
 
 }  // namespace
 
-std::optional<std::vector<Lamp>> lampImages(std::span<const Lamp> lamps, const PlanarMirrors& mirrors, const TreeLimits& limits) {
-  if (mirrors.clearSurface() != kNone) return std::nullopt;
+std::optional<std::vector<Lamp>> lampImages(std::span<const Lamp> lamps, const PlanarMirrors& mirrors, const TreeLimits& limits, size_t most) {
+  if (mirrors.clearSurface() != kNone || mirrors.tooMany()) return std::nullopt;
   std::vector<Lamp> images;
   const auto grow = [&](const Lamp& lamp, const Rgb& full) {
     if (lamp.mirrors.size() >= limits.maxDepth) return true;
@@ -44,7 +42,7 @@ std::optional<std::vector<Lamp>> lampImages(std::span<const Lamp> lamps, const P
       }
       Lamp image = imageOf(lamp, mirror, m);
       if (maxChannel(image.emission) < limits.minWeight * maxChannel(full)) continue;
-      if (images.size() == kMostImages) return false;
+      if (images.size() == most) return false;
       images.push_back(std::move(image));
     }
     return true;

@@ -10,8 +10,10 @@
 
 namespace farol {
 
+inline constexpr size_t kMostLampImages = 256;
+
 // An image for every sequence of mirrors in which some lamp may be seen, as far as the limits go. None where light passes a
-// surface, which bends its way, or where there would be more than 256 images: mirrors that are curved or form a pipe.
-std::optional<std::vector<Lamp>> lampImages(std::span<const Lamp> lamps, const PlanarMirrors& mirrors, const TreeLimits& limits);
+// surface, which bends its way, or where there would be more than `most` images, as in mirrors that are curved or form a pipe.
+std::optional<std::vector<Lamp>> lampImages(std::span<const Lamp> lamps, const PlanarMirrors& mirrors, const TreeLimits& limits, size_t most = kMostLampImages);
 
 }  // namespace farol

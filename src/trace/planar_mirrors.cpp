@@ -18,6 +18,10 @@ PlanarMirrors::PlanarMirrors(const FacetSet& facets, const PatchSet& patches)
     while (m < mirrors_.size() && !(glm::distance(mirrors_[m].normal, p.normal) < kInPlane &&
                                     std::abs(mirrors_[m].distance - distance) < kInPlane && mirrors_[m].reflectance == p.mirror))
       ++m;
+    if (m == kMostPlanes) {
+      tooMany_ = true;
+      return;
+    }
     if (m == mirrors_.size()) mirrors_.push_back({p.normal, distance, p.mirror, {}});
     ofPatch_[i] = m;
     for (const uint32_t c : patches.cellsOf(i)) {

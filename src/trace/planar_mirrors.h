@@ -30,6 +30,9 @@ class PlanarMirrors {
   // Surfaces that are more than planar mirrors, or kNone: one that light passes; one whose facets meet at shallow angles.
   uint32_t clearSurface() const { return clear_; }
   uint32_t curvedSurface() const { return curved_; }
+  // Of more than kMostPlanes planes; those beyond are left out.
+  bool tooMany() const { return tooMany_; }
+  static constexpr size_t kMostPlanes = 1024;
 
   // Which of the rays in `which` arrive at origin + direction, an image, over exactly the mirrors that `ways` names for
   // their lanes, from the ray's origin on, with nothing else in between.
@@ -42,6 +45,7 @@ class PlanarMirrors {
   std::vector<PlanarMirror> mirrors_;
   std::vector<uint32_t> ofPatch_;
   uint32_t clear_ = kNone, curved_ = kNone;
+  bool tooMany_ = false;
 };
 
 }  // namespace farol
