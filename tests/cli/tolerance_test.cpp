@@ -214,7 +214,7 @@ TEST_F(Tolerance, AdaptsPatchesWhereThatPays) {
 
 // The patches that a refinement wants do not fit: what was reached stays, whole.
 TEST_F(Tolerance, RefinementBeyondMemoryIsLeft) {
-  const Outcome o = solve(FAROL_SCENES "/mirrors_and_glass/facing_mirrors.gltf", "--tolerance 0.035 --memory 1M");
+  const Outcome o = solve(FAROL_SCENES "/mirrors_and_glass/facing_mirrors.gltf", "--tolerance 0.03 --memory 1M");
   EXPECT_EQ(o.exitCode, 3) << o.err;
   EXPECT_THAT(o.out, HasSubstr("refined:"));
   EXPECT_THAT(o.err, HasSubstr("limited by memory"));

@@ -67,9 +67,9 @@ TEST(MachineFailures, KilledRunsLeaveNothingHalfWritten) {
   fmt::print("{} of {} runs were killed before their end, {} had written F\n", killed, kKills, finished);
 }
 
-// Half a minute of shadow rays, and of light through mirrors, of which a signal leaves a second.
+// Half a minute of shadow rays, and of light through glass, of which a signal leaves a second.
 TEST(MachineFailures, SignalsEndDirectLight) {
-  for (const char* settings : {"cornell_box/cornell_box.gltf --patches 200000 --shadow-rays 8192", "mirrors_and_glass/facing_mirrors.gltf --patches 24000 --shadow-rays 1024"}) {
+  for (const char* settings : {"cornell_box/cornell_box.gltf --patches 200000 --shadow-rays 8192", "mirrors_and_glass/glass_block.gltf --patches 24000 --shadow-rays 2048"}) {
     const Stopwatch watch;
     EXPECT_EQ(killedAfter(fmt::format("solve {}/{} --method rays --rays 64", FAROL_SCENES, settings), 4, "INT"), 130);
     EXPECT_LT(watch.seconds(), 12) << settings;
