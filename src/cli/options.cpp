@@ -447,6 +447,7 @@ std::string explicitCommand(const Options& o, const MethodSpec& method) {
     add("--max-depth", o.maxDepth);
     add("--min-weight", o.minWeight);
     add("--max-images", o.maxImages);
+    if (o.memory > 0) add("--memory", o.memory);  // decides how rows are stored
   }
   add("--seed", o.seed);
   if (o.repair) text += " --repair";
