@@ -192,7 +192,8 @@ void PathGatherer::meet(const HitPacket& hits, const RayPacket& rays, uint32_t k
     double total = 0;
     for (const PathHit& h : met.hits) {
       const Optics o = opticsAt(h.facet, static_cast<double>(h.u), static_cast<double>(h.v));
-      if (&h != &met.hits[0]) sum += lane.weight * h.weight * o.emission;
+      const bool sampled = mirrors_ && plan_.apart[h.patch] != 0;  // by its image
+      if (&h != &met.hits[0] && !sampled) sum += lane.weight * h.weight * o.emission;
       factors.push_back(h.weight * o.diffuse);
       total += maxChannel(factors.back());
     }

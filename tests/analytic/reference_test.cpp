@@ -136,6 +136,30 @@ TEST(GatheringReference, PunctualLightsAreAddedUp) {
   plate.expect("plate", 4 * std::cos(kPi / 4) + 3);
 }
 
+// A small lamp is aimed at, and so is its image in a wall: each of the two counts once.
+TEST(GatheringReference, AimsAtLampsInMirrors) {
+  auto room = closedBox({2, 2, 2}, Rgb(0));
+  ASSERT_EQ(room[0].name, "x0");
+  room[0].mirror = Rgb(0.75);
+  room.push_back({"lamp", {{{0.4, 0.9, 1.9}, {0.4, 1.1, 1.9}, {0.6, 1.1, 1.9}, {0.6, 0.9, 1.9}}}, Rgb(0), Rgb(100)});
+  double exact = 0;
+  constexpr int kPoints = 100;
+  for (int i = 0; i < kPoints; ++i) {
+    for (int j = 0; j < kPoints; ++j) {
+      const Vec3 p(2 * (i + 0.5) / kPoints, 2 * (j + 0.5) / kPoints, 0);
+      std::vector<Vec3> image = room.back().polygons[0];
+      exact += 100 * pointToPolygon(p, Vec3(0, 0, 1), image) / (kPoints * kPoints);
+      for (Vec3& v : image) v.x = -v.x;
+      std::reverse(image.begin(), image.end());
+      exact += 75 * pointToPolygon(p, Vec3(0, 0, 1), image) / (kPoints * kPoints);
+    }
+  }
+  const Gathered gathered(room, Rgb(0), 600, 1);
+  EXPECT_EQ(gathered.lamps.lamps.size(), 1u);
+  gathered.expect("z0", exact);
+  EXPECT_LT(gathered.of("z0").second, 0.001 * exact);
+}
+
 TEST(GatheringReference, ComesThroughMirrorsAndGlass) {
   auto mirror = surfacesOf("C1a");
   for (TestSurface& s : mirror) s.emission = Rgb(s.name == "2" ? 7.0 : 0.0);

@@ -1,7 +1,8 @@
 // Light followed from lamps over mirrors and through glass, where its amount is known.
 #include "factor_run.h"
 #include "formfactor/analytic.h"
-#include "light/lamps.h"
+#include "light/direct.h"
+#include "light/lamp_images.h"
 #include "light/specular_light.h"
 #include "specular_cases.h"
 #include "trace/cover.h"
@@ -13,10 +14,10 @@ namespace farol::test {
 namespace {
 
 struct Followed {
-  Followed(const std::vector<TestSurface>& surfaces, size_t patches, size_t rays, uint64_t seed = 1)
-      : run(loadSurfaces(surfaces), {patches, 0}, {}), tree(run.tracer, run.facets, run.patches, {}) {
+  Followed(const std::vector<TestSurface>& surfaces, const PatchOptions& patches, size_t rays, uint64_t seed = 1)
+      : run(loadSurfaces(surfaces), patches, {}), tree(run.tracer, run.facets, run.patches, {}) {
     std::vector<uint8_t> apart(run.patches.size());
-    for (size_t i = 0; i < apart.size(); ++i) apart[i] = run.patches.patches[i].emits() ? 1 : 0;
+    for (size_t i = 0; i < apart.size(); ++i) apart[i] = run.patches.patches[i].emits() && surfaceNameOf(run.scene, run.patches.patches[i]) != "glow" ? 1 : 0;
     const ExposedArea cover = findExposedArea(run.tracer, run.facets, run.patches, 1024, 1);
     exposed.assign(cover.share.begin(), cover.share.end());
     light = traceSpecularLight(run.tracer, run.facets, run.patches, tree, apart, exposed, rays, seed, [&](double share) {
@@ -45,7 +46,7 @@ TEST(SpecularLight, PassesSlabs) {
     for (TestSurface& s : surfaces) {
       if (s.name == "emitter") s.emission = Rgb(10, 5, 0);
     }
-    const Followed slab(surfaces, 1, 1u << 16);
+    const Followed slab(surfaces, {1, 0}, 1u << 16);
     const double passes = expected(id, "slab transmittance if the two polarisations are averaged at every face (usual in graphics)");
     const Patch& emitter = slab.run.patches.patches[slab.run.patchesOf("emitter")[0]];
     const Rgb power = emitter.area * emitter.emission;
@@ -56,7 +57,7 @@ TEST(SpecularLight, PassesSlabs) {
   }
 }
 
-// A room whose ceiling is a mirror, above two lamps that shine up and down.
+// A room whose ceiling is a mirror, above two lamps that shine up and down, and a glow that is not apart.
 std::vector<TestSurface> underAMirror() {
   std::vector<TestSurface> surfaces = closedBox({4, 3, 2}, Rgb(0.05));
   surfaces[5].mirror = Rgb(0.9, 0.5, 0.25);
@@ -64,29 +65,48 @@ std::vector<TestSurface> underAMirror() {
     surfaces.push_back({name, {{{x - half, 1.5 - half, 1.9}, {x + half, 1.5 - half, 1.9}, {x + half, 1.5 + half, 1.9}, {x - half, 1.5 + half, 1.9}}}, Rgb(0), emission, true});
   };
   lamp("lamp", 1, 0.05, Rgb(100, 100, 50));
-  lamp("dim", 3, 0.1, Rgb(1, 4, 4));
+  lamp("dim", 3, 0.4, Rgb(1, 4, 4));
+  surfaces.push_back({"glow", {{{0.2, 0.2, 0.1}, {0.6, 0.2, 0.1}, {0.6, 0.6, 0.1}, {0.2, 0.6, 0.1}}}, Rgb(0), Rgb(5)});
   return surfaces;
 }
 
 // What reaches the mirror from the upper sides arrives somewhere, times its reflectance; what goes straight is not counted.
 TEST(SpecularLight, IsAllThatAMirrorSends) {
-  const Followed room(underAMirror(), 800, 1u << 18);
+  const Followed room(underAMirror(), {800, 0}, 1u << 18);
   ASSERT_EQ(surfaceNameOf(room.run.scene, room.run.patches.patches[room.run.patchesOf("z1")[0]]), "z1");
   const UnoccludedFactor exact(room.run.facets, room.run.patches);
   Rgb arrived(0), sent(0);
   for (uint32_t i = 0; i < room.exposed.size(); ++i) {
     const Patch& p = room.run.patches.patches[i];
     arrived += p.area * room.exposed[i] * room.light.irradiance[i];
-    if (!p.emits() || p.normal.z < 0) continue;
+    if (!p.emits() || p.normal.z < 0 || surfaceNameOf(room.run.scene, p) == "glow") continue;
     for (const uint32_t j : room.run.patchesOf("z1")) sent += p.area * exact(i, j) * p.emission * Rgb(0.9, 0.5, 0.25);
   }
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(arrived[c], sent[c], 0.001 * sent[c]);
 }
 
+// Where there are few images they tell how much arrives at every patch.
+TEST(SpecularLight, ArrivesWhereImagesShine) {
+  const Followed room(underAMirror(), {200, 0}, 1u << 20);
+  std::vector<Lamp> lamps;
+  for (Lamp& lamp : chooseLamps(room.run.facets, room.run.patches, {}).lamps) {
+    if (maxChannel(lamp.emission) != 5) lamps.push_back(std::move(lamp));
+  }
+  ASSERT_EQ(lamps.size(), 4u);  // two sides each
+  const PlanarMirrors mirrors(room.run.facets, room.run.patches);
+  const auto images = lampImages(lamps, mirrors, {});
+  ASSERT_TRUE(images);
+  EXPECT_EQ(images->size(), 2u);
+  const DirectLight direct = DirectIrradiance(room.run.tracer, room.run.facets, room.run.patches, *images, {}, {1024, 1, &mirrors}).compute(room.exposed);
+  for (const uint32_t i : room.run.patchesOf("z0")) {
+    for (int c = 0; c < 3; ++c) EXPECT_NEAR(room.light.irradiance[i][c], direct.irradiance[i][c], 0.02 * direct.irradiance[i][c] + 0.001);
+  }
+}
+
 // A flat box on the floor hides hardly any light from what is left of the patches it stands on.
 TEST(SpecularLight, ReachesTheExposedPartOfAPatch) {
   std::vector<TestSurface> surfaces = underAMirror();
-  const Followed bare(surfaces, 4000, 1u << 20);
+  const Followed bare(surfaces, {0, 0.11}, 1u << 20);
   for (TestSurface s : closedBox({0.73, 0.61, 0.004}, Rgb(0.3))) {
     if (s.name == "z0") continue;
     std::reverse(s.polygons[0].begin(), s.polygons[0].end());
@@ -94,7 +114,7 @@ TEST(SpecularLight, ReachesTheExposedPartOfAPatch) {
     s.name = "box " + s.name;
     surfaces.push_back(s);
   }
-  const Followed partly(surfaces, 4000, 1u << 20);
+  const Followed partly(surfaces, {0, 0.11}, 1u << 20);
   const std::vector<uint32_t> floor = partly.run.patchesOf("z0"), same = bare.run.patchesOf("z0");
   ASSERT_EQ(floor.size(), same.size());
   int found = 0;
@@ -113,7 +133,7 @@ TEST(SpecularLight, ReachesTheExposedPartOfAPatch) {
 TEST(SpecularLight, KnowsItsError) {
   double before = 0;
   for (const size_t rays : {size_t{1} << 14, size_t{1} << 18}) {
-    const Followed a(underAMirror(), 400, rays, 1), b(underAMirror(), 400, rays, 2);
+    const Followed a(underAMirror(), {400, 0}, rays, 1), b(underAMirror(), {400, 0}, rays, 2);
     double squares = 0, told = 0;
     for (const uint32_t i : a.run.patchesOf("z0")) {
       squares += std::pow(a.light.irradiance[i].g - b.light.irradiance[i].g, 2) / 2;
@@ -129,9 +149,9 @@ TEST(SpecularLight, KnowsItsError) {
 }
 
 TEST(SpecularLight, IsTheSameOnOneThreadAndOnTwo) {
-  const Followed two(underAMirror(), 100, 1u << 15);
+  const Followed two(underAMirror(), {100, 0}, 1u << 15);
   const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
-  const Followed alone(underAMirror(), 100, 1u << 15);
+  const Followed alone(underAMirror(), {100, 0}, 1u << 15);
   EXPECT_EQ(two.light.irradiance, alone.light.irradiance);
   EXPECT_EQ(two.light.deviation, alone.light.deviation);
 }
