@@ -2,12 +2,15 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 
 namespace farol {
 
 PlanarMirrors::PlanarMirrors(const FacetSet& facets, const PatchSet& patches)
     : facets_(facets), hitPatches_(facets, patches), ofPatch_(patches.size(), kNone) {
-  std::map<std::pair<uint32_t, uint32_t>, Vec3> edges;  // of mirrors: the normal of the facet met first
+  constexpr double kAlike = 1e-9;                        // of reflectances: means over patches differ in rounding
+  std::map<std::pair<uint32_t, uint32_t>, Vec3> edges;   // of mirrors: the normal of the facet met first
+  std::set<std::pair<uint32_t, uint32_t>> outlined;      // mirrors and their facets
   for (uint32_t i = 0; i < patches.size(); ++i) {
     const Patch& p = patches.patches[i];
     if (!p.isSpecular()) continue;
@@ -16,7 +19,7 @@ PlanarMirrors::PlanarMirrors(const FacetSet& facets, const PatchSet& patches)
     const double distance = glm::dot(p.normal, facets.frame.toUnit(p.centre));
     uint32_t m = 0;
     while (m < mirrors_.size() && !(glm::distance(mirrors_[m].normal, p.normal) < kInPlane &&
-                                    std::abs(mirrors_[m].distance - distance) < kInPlane && mirrors_[m].reflectance == p.mirror))
+                                    std::abs(mirrors_[m].distance - distance) < kInPlane && maxChannel(glm::abs(mirrors_[m].reflectance - p.mirror)) < kAlike))
       ++m;
     if (m == kMostPlanes) {
       tooMany_ = true;
@@ -25,10 +28,9 @@ PlanarMirrors::PlanarMirrors(const FacetSet& facets, const PatchSet& patches)
     if (m == mirrors_.size()) mirrors_.push_back({p.normal, distance, p.mirror, {}});
     ofPatch_[i] = m;
     for (const uint32_t c : patches.cellsOf(i)) {
-      const Cell& cell = patches.cells[c];
-      const CellGrid& grid = patches.grids[cell.facet];
-      if (c != (cell.back ? grid.backCell : grid.frontCell)) continue;  // once per facet
-      const Facet& facet = facets.facets[cell.facet];
+      const uint32_t number = patches.cells[c].facet;
+      if (!outlined.insert({m, number}).second) continue;
+      const Facet& facet = facets.facets[number];
       std::vector<Vec3> outline;
       for (size_t k = 0; k < facet.cornerCount(); ++k) {
         outline.push_back(facets.points[facet.corners[k]]);

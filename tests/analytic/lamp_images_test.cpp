@@ -172,6 +172,23 @@ TEST(PlanarMirrors, ConnectOverTheMirrorsNamedOnly) {
   EXPECT_FALSE(connects({-1, -2, 2}, {y}));
 }
 
+// Means over patches of different sizes differ in rounding and are one mirror all the same; parts that reflect differently are one
+// each, with an outline wherever they are on the facet.
+TEST(PlanarMirrors, AreOnePerPlaneAndReflectance) {
+  std::vector<TestSurface> surfaces = closedBox({4, 3, 2.7}, Rgb(0.05));
+  surfaces[0].mirror = Rgb(0.9);
+  RayRun run(loadSurfaces(surfaces), {200, 0}, {});
+  const std::vector<uint32_t> parts = run.patchesOf("x0");
+  for (const double factor : {1 - 1e-15, 0.5}) {
+    for (size_t k = parts.size() / 2; k < parts.size(); ++k) run.patches.patches[parts[k]].mirror = factor * Rgb(0.9);
+    const PlanarMirrors mirrors(run.facets, run.patches);
+    ASSERT_EQ(mirrors.all().size(), factor < 0.9 ? 2u : 1u);
+    for (const PlanarMirror& mirror : mirrors.all()) EXPECT_EQ(mirror.outlines.size(), 1u);
+    EXPECT_EQ(mirrors.ofPatch()[parts.front()], 0u);
+    EXPECT_EQ(mirrors.ofPatch()[parts.back()], factor < 0.9 ? 1u : 0u);
+  }
+}
+
 TEST(LampImages, NeedALampBeforeTheMirrorAndAMirrorBeforeTheLamp) {
   std::vector<TestSurface> surfaces = room();
   surfaces.push_back({"mirror", {{{0.5, 0.5, 0.4}, {0.5, 0.5, 2.2}, {0.5, 2.5, 2.2}, {0.5, 2.5, 0.4}}}, Rgb(0)});  // faces x0: away from the lamp

@@ -74,6 +74,28 @@ TEST_F(Mirrors, LampsApartLoseNothing) {
   }
 }
 
+// Two mirrors face each other: a hundred images of the lamp, or light that is followed from it, on patches of many sizes. Both bring
+// all of the light, and each patch as much as the other says.
+TEST_F(Mirrors, ShowEveryImageToPatchesOfAllSizes) {
+  std::array<std::vector<std::vector<std::string>>, 2> lines;
+  for (const size_t k : {size_t{0}, size_t{1}}) {  // no more images than shadow rays
+    const Outcome o = farol(fmt::format("solve {}/mirrors_and_glass/facing_mirrors.gltf --patch-size 2.8 --adapt 0.02 --method rays --rays 1024 --shadow-rays {} --patches-csv {} --report {}",
+                                        FAROL_SCENES, k == 0 ? 512 : 128, path("p.csv"), path("r.json")));
+    ASSERT_EQ(o.exitCode, 0) << o.err;
+    EXPECT_LT(report()["energy"]["relative_error"], 0.002);
+    lines[k] = readCsv(path("p.csv"));
+  }
+  ASSERT_EQ(lines[0].size(), lines[1].size());
+  double squares = 0, total = 0, area = 0;
+  for (size_t k = 1; k < lines[0].size(); ++k) {
+    const double a = std::stod(lines[0][k].at(21)), h = std::stod(lines[0][k].at(18));
+    squares += a * std::pow(h - std::stod(lines[1][k].at(18)), 2);
+    total += a * h;
+    area += a;
+  }
+  EXPECT_LT(std::sqrt(squares / area), 0.012 * total / area);
+}
+
 // A mirror that is half red: three F, and each channel is what a mirror of that reflectance gives all channels.
 TEST_F(Mirrors, ColouredOnesGiveEachChannelItsOwnF) {
   const Rgb colour(0.8, 0.4, 0.0);
