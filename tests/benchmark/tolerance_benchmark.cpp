@@ -37,7 +37,8 @@ int main(int argc, char** argv) {
   for (int k = 4; k < argc; ++k) scenes.emplace_back(argv[k]);
   if (scenes.empty()) {
     for (const char* s : {"cornell_box/cornell_box.gltf", "l_room/l_room.gltf", "reading_corner/reading_corner.glb", "white_furnace/white_furnace.gltf",
-                          "mirrors_and_glass/mirror_room.gltf"})
+                          "mirrors_and_glass/mirror_room.gltf", "mirrors_and_glass/facing_mirrors.gltf", "mirrors_and_glass/glass_block.gltf",
+                          "mirrors_and_glass/light_pipe.gltf"})
       scenes.push_back(std::string(FAROL_SCENES "/") + s);
   }
   const TemporaryFolder folder;
