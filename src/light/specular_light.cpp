@@ -11,7 +11,7 @@ namespace farol {
 namespace {
 
 constexpr size_t kRounds = 4;            // their differences tell the error of all
-constexpr size_t kRaysPerTask = 1u << 12, kTasksAtOnce = 64;
+constexpr size_t kRaysPerTask = 1u << 10, kTasksAtOnce = 64;  // what arrives waits to be added up: 100 MB where rays meet fifty mirrors
 
 // Where rays start, and with what power.
 struct Origin {
