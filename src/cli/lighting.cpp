@@ -52,23 +52,27 @@ void LightingMaker::addDirect(const Scene& scene, const PatchSet& patches, const
   if (lighting.plan.lamps.empty() && scene.lights.empty()) return;
   std::vector<double> exposed(patches.size());
   for (size_t i = 0; i < exposed.size(); ++i) exposed[i] = f.shares(i).exposed;
-  const bool overMirrors = patches.anySpecular() && !lighting.plan.lamps.empty();
+  std::vector<Lamp> shining = lighting.plan.lamps;
   std::optional<PlanarMirrors> mirrors;
-  std::optional<std::vector<Lamp>> images;
-  if (overMirrors) {
+  bool follow = false;
+  if (patches.anySpecular() && !shining.empty()) {
     mirrors.emplace(facets_, patches);
     // On two cores an image costs a patch 0.6 us, as much as a shadow ray costs light that is followed from the lamps.
-    images = lampImages(lighting.plan.lamps, *mirrors, methods_.limits(), std::min<size_t>(kMostLampImages, options_.shadowRays));
+    const auto images = lampImages(shining, *mirrors, methods_.limits(), std::min<size_t>(kMostLampImages, options_.shadowRays));
+    follow = !images;
+    if (images)
+      shining.insert(shining.end(), images->begin(), images->end());
+    else
+      mirrors.reset();
   }
-  const auto computed = [&](std::vector<Lamp> from) {
-    if (images && !from.empty()) from.insert(from.end(), images->begin(), images->end());
+  const auto computed = [&](std::span<const Lamp> from) {
     Progress progress(log_, "direct light", "patches", 2 * patches.size());
     return DirectIrradiance(methods_.tracer(), facets_, patches, from, scene.lights, {options_.shadowRays, options_.seed, mirrors ? &*mirrors : nullptr})
         .compute(exposed, [&](size_t done) { progress.update(done); });
   };
-  lighting.direct = computed(lighting.plan.lamps);
+  lighting.direct = computed(shining);
   lighting.direct.apart = lighting.plan.apart;
-  if (overMirrors && !images) addFollowed(patches, exposed, lighting.direct);
+  if (follow) addFollowed(patches, exposed, lighting.direct);
   if (!scene.lights.empty())
     lighting.fromPunctual = computed({}).irradiance;
 }

@@ -20,7 +20,8 @@ struct MirrorImage {
 
 class ImageTrees {
  public:
-  // Throws Error naming the surface where light passes, or where a mirror is curved: its facets meet at shallow angles.
+  // Throws Error naming the surface where light passes, or where a mirror is curved: its facets meet at shallow angles; and where
+  // mirrors lie in too many planes.
   ImageTrees(const Scene& scene, const FacetSet& facets, const PatchSet& patches, const TreeLimits& limits, uint32_t maxImages);
 
   // At most `most` images of a hemicube, those of the largest weight times solid angle: mirrors that it, or one of the

@@ -184,16 +184,12 @@ class DirectIrradiance::Visibility {
   }
 
   uint32_t hiddenOf(uint32_t live) const {
-    uint32_t images = 0;
+    if (all_.options_.mirrors == nullptr) return all_.tracer_.occluded(packet_.rays, live);
     std::array<std::span<const uint32_t>, kPacketSize> ways;
     for (uint32_t k = 0; k < kPacketSize; ++k) {
-      if ((live >> k & 1) == 0 || !at_[k]->isImage()) continue;
-      images |= 1u << k;
-      ways[k] = at_[k]->lamp->mirrors;
+      if ((live >> k & 1) != 0 && at_[k]->isImage()) ways[k] = at_[k]->lamp->mirrors;
     }
-    uint32_t hidden = (live & ~images) != 0 ? all_.tracer_.occluded(packet_.rays, live & ~images) : 0;
-    if (images != 0) hidden |= images & ~all_.options_.mirrors->connected(all_.tracer_, packet_.rays, images, ways);
-    return hidden;
+    return live & ~all_.options_.mirrors->connected(all_.tracer_, packet_.rays, live, ways);
   }
 
   Vec3 originOf(uint32_t k) const { return {packet_.rays.ox[k], packet_.rays.oy[k], packet_.rays.oz[k]}; }

@@ -30,7 +30,7 @@ struct DirectLight {
 // D_i = sum over sources of U x sum(k V) / sum(k): U the unoccluded irradiance, the mean of the closed form (Lambert's
 // contour sum; the inverse square law for punctual lights) over Gauss points of the patch; k the point-to-point kernel
 // and V the visibility of S low-discrepancy pairs of points on patch and source, shared out by U. A visible share not
-// weighted by k would count the horizon twice. Where an object stands on a patch only its exposed part counts.
+// weighted by k would count the horizon twice. To an image of a lamp V is along the way over its mirrors. Where an object stands on a patch only its exposed part counts.
 class DirectIrradiance {
  public:
   DirectIrradiance(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, std::span<const Lamp> lamps,

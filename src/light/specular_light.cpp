@@ -22,19 +22,47 @@ struct Origin {
   double offset;
 };
 
-std::vector<Origin> originsOn(const FacetSet& facets, const PatchSet& patches, const RayTree& tree, std::span<const uint8_t> apart) {
-  std::vector<Origin> origins;
-  double sum = 0;
-  for (uint32_t i = 0; i < patches.size(); ++i) {
-    const Rgb& emission = patches.patches[i].emission;
-    if (apart[i] == 0 || maxChannel(emission) <= 0) continue;
-    for (const Piece& piece : piecesOf(facets, patches, i)) {
-      sum += piece.area * maxChannel(emission);
-      origins.push_back({piece, emission / maxChannel(emission), sum, tree.mediumBehind(i), facets.facets[piece.facet].rayOffset});
+// All that shines, and where the rays of a sequence in four dimensions start on it.
+class Origins {
+ public:
+  Origins(const FacetSet& facets, const PatchSet& patches, const RayTree& tree, std::span<const uint8_t> apart, uint64_t seed) {
+    for (uint32_t i = 0; i < patches.size(); ++i) {
+      const Rgb& emission = patches.patches[i].emission;
+      if (apart[i] == 0 || maxChannel(emission) <= 0) continue;
+      for (const Piece& piece : piecesOf(facets, patches, i)) {
+        power_ += piece.area * maxChannel(emission);
+        all_.push_back({piece, emission / maxChannel(emission), power_, tree.mediumBehind(i), facets.facets[piece.facet].rayOffset});
+      }
     }
+    for (size_t d = 0; d < shift_.size(); ++d) shift_[d] = static_cast<uint32_t>(mixBits(mixBits(seed) + d));
   }
-  return origins;
-}
+  double power() const { return power_; }  // in the largest channel of each
+
+  // Ray `number` into a lane of a packet: by power, evenly over the area, by the cosine.
+  const Origin& start(size_t number, RayPacket& packet, uint32_t lane) const {
+    const auto x = sobolPoint(static_cast<uint32_t>(number));
+    std::array<double, 4> u;
+    for (size_t d = 0; d < u.size(); ++d) u[d] = (x[d] ^ shift_[d]) * 0x1p-32 + 0x1p-33;
+    // The first number chooses the piece and is spread over [0,1) again.
+    const auto at = std::upper_bound(all_.begin(), all_.end() - 1, u[0] * power_, [](double p, const Origin& o) { return p < o.powerTo; });
+    const double before = at == all_.begin() ? 0 : (at - 1)->powerTo;
+    u[0] = std::clamp((u[0] * power_ - before) / (at->powerTo - before), 0.0, 1.0);
+    if (at->piece.triangle && u[0] + u[1] > 1) {
+      u[0] = 1 - u[0];
+      u[1] = 1 - u[1];
+    }
+    const Vec3& n = at->piece.normal;
+    const Vec3 s = anyPerpendicular(n), t = glm::cross(n, s);
+    const double r = std::sqrt(u[2]), angle = 2 * kPi * u[3];
+    packet.set(lane, at->piece.at(u[0], u[1]) + at->offset * n, r * std::cos(angle) * s + r * std::sin(angle) * t + std::sqrt(1 - u[2]) * n);
+    return *at;
+  }
+
+ private:
+  std::vector<Origin> all_;
+  double power_ = 0;  // [flux]
+  std::array<uint32_t, 4> shift_{};
+};
 
 struct Arrival {
   uint32_t patch;
@@ -51,18 +79,15 @@ struct Arrivals : PathSink {
 SpecularLight traceSpecularLight(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, const RayTree& tree,
                                  std::span<const uint8_t> apart, std::span<const double> exposed, size_t rays, uint64_t seed,
                                  const std::function<void(double)>& done) {
-  const std::vector<Origin> origins = originsOn(facets, patches, tree, apart);
+  const Origins origins(facets, patches, tree, apart, seed);
   SpecularLight light;
   light.irradiance.assign(patches.size(), Rgb(0));
   light.deviation.assign(patches.size(), Rgb(0));
-  if (origins.empty()) return light;
-  const double power = origins.back().powerTo;
+  if (origins.power() <= 0) return light;
   // Rounds of a power of two, where the sequence is even; no more than its numbers reach.
-  const size_t perRound = std::min(std::bit_ceil(std::max<size_t>(1, rays / kRounds)), size_t{1} << 30);
+  const size_t perRound = std::min(std::bit_ceil((rays + kRounds - 1) / kRounds), size_t{1} << 30);
   light.rays = kRounds * perRound;
   const HitPatches hitPatches(facets, patches);
-  std::array<uint32_t, 4> shift;
-  for (size_t d = 0; d < shift.size(); ++d) shift[d] = static_cast<uint32_t>(mixBits(mixBits(seed) + d));
 
   const auto trace = [&](size_t first, size_t count, std::vector<Arrival>& arrivals) {
     RayPacket packet;
@@ -73,24 +98,7 @@ SpecularLight traceSpecularLight(const Tracer& tracer, const FacetSet& facets, c
     std::array<const Origin*, kPacketSize> from{};
     for (size_t k = first; k < first + count; k += kPacketSize) {
       const auto lanes = static_cast<uint32_t>(std::min<size_t>(kPacketSize, first + count - k));
-      for (uint32_t l = 0; l < lanes; ++l) {
-        auto x = sobolPoint(static_cast<uint32_t>(k + l));
-        std::array<double, 4> u;
-        for (size_t d = 0; d < u.size(); ++d) u[d] = (x[d] ^ shift[d]) * 0x1p-32 + 0x1p-33;
-        // The first number chooses the piece and is spread over [0,1) again.
-        const auto at = std::upper_bound(origins.begin(), origins.end() - 1, u[0] * power, [](double p, const Origin& o) { return p < o.powerTo; });
-        const double before = at == origins.begin() ? 0 : (at - 1)->powerTo;
-        u[0] = std::clamp((u[0] * power - before) / (at->powerTo - before), 0.0, 1.0);
-        if (at->piece.triangle && u[0] + u[1] > 1) {
-          u[0] = 1 - u[0];
-          u[1] = 1 - u[1];
-        }
-        from[l] = &*at;
-        const Vec3& n = at->piece.normal;
-        const Vec3 s = anyPerpendicular(n), t = glm::cross(n, s);
-        const double r = std::sqrt(u[2]), angle = 2 * kPi * u[3];
-        packet.set(l, at->piece.at(u[0], u[1]) + at->offset * n, r * std::cos(angle) * s + r * std::sin(angle) * t + std::sqrt(1 - u[2]) * n);
-      }
+      for (uint32_t l = 0; l < lanes; ++l) from[l] = &origins.start(k + l, packet, l);
       tracer.intersect(packet, lanes, hits);
       for (uint32_t l = 0; l < lanes; ++l) {
         const uint32_t facet = hits.facet[l];
@@ -124,7 +132,7 @@ SpecularLight traceSpecularLight(const Tracer& tracer, const FacetSet& facets, c
     }
     for (size_t i = 0; i < sums.size(); ++i) {
       if (exposed[i] <= 0 || patches.patches[i].passesAll()) continue;
-      const Rgb mean = sums[i] * (power / (static_cast<double>(perRound) * patches.patches[i].area * exposed[i]));
+      const Rgb mean = sums[i] * (origins.power() / (static_cast<double>(perRound) * patches.patches[i].area * exposed[i]));
       light.irradiance[i] += mean / double{kRounds};
       squares[i] += mean * mean;
     }

@@ -1,4 +1,4 @@
-// Light of lamps apart that reaches patches over mirrors and through glass, followed from the lamps: few of the rays that leave a
+// Light of lamps apart that reaches patches over mirrors and through glass, followed from the lamps (Arvo 1986): few of the rays that leave a
 // patch meet a lamp there, but most of what a lamp sends to a mirror arrives somewhere.
 #pragma once
 
@@ -15,7 +15,7 @@ struct SpecularLight {
   size_t rays = 0;              // from lamps
 };
 
-// At least so many `rays` start from the patches that are `apart`, by power, all over them and by the cosine; the power of what
+// At least so many `rays`, and at most 2^32, start from the patches that are `apart`, by power, all over them and by the cosine; the power of what
 // arrives after a first mirror or glass is spread over the patch that it meets. `exposed` as in RowShares, per patch. `done` is
 // called now and then, by the caller's thread, with the share that is done. The same for any number of threads.
 SpecularLight traceSpecularLight(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, const RayTree& tree,

@@ -233,10 +233,7 @@ void PathGatherer::gather(std::span<GatherPath> paths) const {
   HitPacket hits;
   ShadowRays toLamps, toPunctual;
   const auto addLight = [&](ShadowRays& shadow, uint32_t count) {
-    uint32_t images = 0;
-    for (uint32_t k = 0; k < count; ++k) images |= shadow.ways[k].empty() ? 0u : 1u << k;
-    uint32_t blocked = tracer_.occluded(shadow.rays, firstRays(count) & ~images);
-    if (images != 0) blocked |= images & ~mirrors_->connected(tracer_, shadow.rays, images, shadow.ways);
+    const uint32_t all = firstRays(count), blocked = mirrors_ ? all & ~mirrors_->connected(tracer_, shadow.rays, all, shadow.ways) : tracer_.occluded(shadow.rays, all);
     for (uint32_t k = 0; k < count; ++k) {
       if (lanes[k].path != nullptr && (blocked >> k & 1) == 0) lanes[k].path->irradiance += shadow.light[k];
     }

@@ -53,9 +53,12 @@ uint32_t PlanarMirrors::connected(const Tracer& tracer, const RayPacket& rays, u
     Vec3 origin, target;
   };
   std::array<Lane, kPacketSize> lanes;
-  uint32_t count = 0, arrived = 0;
+  uint32_t straight = 0;
+  for (uint32_t k = 0; k < kPacketSize; ++k) straight |= ways[k].empty() ? 1u << k : 0u;
+  straight &= which;
+  uint32_t count = 0, arrived = straight != 0 ? straight & ~tracer.occluded(rays, straight) : 0;
   for (uint32_t k = 0; k < kPacketSize; ++k) {
-    if ((which >> k & 1) == 0) continue;
+    if (((which & ~straight) >> k & 1) == 0) continue;
     const Vec3 origin(rays.ox[k], rays.oy[k], rays.oz[k]);
     lanes[count++] = {k, origin, origin + Vec3(rays.dx[k], rays.dy[k], rays.dz[k])};
   }

@@ -1,5 +1,5 @@
-// The planar mirrors of a scene and what is seen in them: by the method of images a mirror shows what would be seen straight,
-// were it reflected at the mirror's plane.
+// The planar mirrors of a scene and what is seen in them: by the method of images (Wallace, Cohen and Greenberg 1987) a mirror
+// shows what would be seen straight, were it reflected at the mirror's plane.
 #pragma once
 
 #include "trace/tracer.h"
@@ -35,7 +35,7 @@ class PlanarMirrors {
   static constexpr size_t kMostPlanes = 1024;
 
   // Which of the rays in `which` arrive at origin + direction, an image, over exactly the mirrors that `ways` names for
-  // their lanes, from the ray's origin on, with nothing else in between.
+  // their lanes, from the ray's origin on, with nothing else in between; straight where it names none.
   uint32_t connected(const Tracer& tracer, const RayPacket& rays, uint32_t which,
                      const std::array<std::span<const uint32_t>, kPacketSize>& ways) const;
 

@@ -138,6 +138,13 @@ TEST(LampImages, AreAsManyAsTheLimitsLeave) {
   surfaces[0].mirror = Rgb(0.5);
   surfaces.push_back({"pane", {{{2, 1, 1}, {3, 1, 1}, {3, 2, 1}, {2, 2, 1}}}, Rgb(0), Rgb(0), true, Rgb(0), Rgb(1)});
   EXPECT_FALSE(Lit(surfaces, 200, 16).images);  // light passes it
+  surfaces = room();
+  surfaces.push_back(bumpyBall(1500, {2.5, 1.5, 1.2}));
+  surfaces.back().reflectance = Rgb(0);
+  surfaces.back().mirror = Rgb(0.9);
+  const Lit ball(surfaces, 200, 16);  // a mirror per facet
+  EXPECT_TRUE(ball.mirrors.tooMany());
+  EXPECT_FALSE(lampImages(ball.lamps, ball.mirrors, {1, 1e-4}, size_t{1} << 20)) << "some facets are not among the mirrors";
 }
 
 // From the middle of a room whose walls x0 and y0 are mirrors, to images and to what is none.

@@ -55,7 +55,7 @@ int main(int argc, char** argv) {
     for (const double tolerance : {0.05, 0.01, 0.002}) {
       if (tolerance < smallest) continue;
       double mean = 0, largest = 0, noise = 0;
-      int good = 0;
+      int good = 0, told = 0;
       std::string chosen;
       std::vector<double> whole;
       constexpr int kSeeds = 5;
@@ -73,6 +73,8 @@ int main(int argc, char** argv) {
         mean += e.error / kSeeds;
         largest = std::max(largest, e.error);
         noise = std::max(noise, e.noise);
+        if (e.noise > tolerance) continue;  // the reference cannot tell
+        ++told;
         if (e.error <= tolerance) ++good;
       }
       std::sort(whole.begin(), whole.end());
@@ -88,14 +90,14 @@ int main(int argc, char** argv) {
         best = medianSeconds(command, kSeeds);
         break;
       }
-      runs += kSeeds;
+      runs += static_cast<size_t>(told);
       met += static_cast<size_t>(good);
       fmt::print("| {} | {} % | {} | {:.2f} and {:.2f} % (resolved to {:.2f}) | {} of {} | {:.3f} | {} | {} | {} |\n", name, 100 * tolerance, chosen, 100 * mean,
-                 100 * largest, 100 * noise, good, kSeeds, median, best > 0 ? fmt::format("{:.3f}", best) : "not reached",
+                 100 * largest, 100 * noise, good, told, median, best > 0 ? fmt::format("{:.3f}", best) : "not reached",
                  best > 0 ? fmt::format("{:.1f}", median / best) : "", fixed.substr(0, fixed.find(" --solver")));
       std::fflush(stdout);
     }
   }
   fmt::print("\n{}", agreement);
-  fmt::print("\n{} of {} runs below their tolerance ({:.0f} %)\n", met, runs, 100.0 * static_cast<double>(met) / static_cast<double>(runs));
+  fmt::print("\n{} of {} runs whose reference resolves their tolerance are below it ({:.0f} %)\n", met, runs, 100.0 * static_cast<double>(met) / static_cast<double>(std::max<size_t>(1, runs)));
 }

@@ -151,6 +151,14 @@ TEST_F(Mirrors, AreRefusedWhereTheyCannotBeFollowed) {
   EXPECT_EQ(o.exitCode, 1);
   EXPECT_THAT(o.err, HasSubstr("surface 'x0' is clear glass, which --method raster cannot mirror; use rays or hybrid"));
   EXPECT_THAT(folder_.files(), ::testing::Not(::testing::Contains("lit.glb")));
+  room_[0].transmission = Rgb(0);
+  room_.push_back(bumpyBall(1500, {1, 1.5, 1.2}));
+  room_.back().reflectance = Rgb(0);
+  room_.back().mirror = Rgb(0.9);
+  write();
+  const Outcome ball = farol("solve " + path("room.gltf") + " --method raster --patches 100 -o " + path("lit.glb"));
+  EXPECT_EQ(ball.exitCode, 1);
+  EXPECT_THAT(ball.err, HasSubstr("mirrors lie in more than 1024 planes, which --method raster cannot mirror; use rays or hybrid"));
 }
 
 // Limits of paths are counted as cut, and energy still adds up.
