@@ -8,12 +8,6 @@
 
 namespace farol {
 
-double samplesOf(const MethodSpec& s) {
-  if (s.kind == MethodSpec::Kind::rays) return s.rays;
-  if (s.kind == MethodSpec::Kind::exact) return 1e12;
-  return (s.projection == Projection::hemicube ? 3.0 : 1.5) * s.resolution * s.resolution * s.positions;
-}
-
 LampPlan LightingMaker::plan(const PatchSet& patches, const MethodSpec& spec) const {
   if (options_.emittersApart) {
     LampBudget budget;

@@ -60,7 +60,4 @@ ProbeRows makeProbes(Methods& methods, const PatchSet& patches, const MethodSpec
 // Root of the area-weighted mean square of `error` over the mean of H, of the channel where that is largest; areas are exposed areas.
 double relativeError(const FormFactorMatrix& f, const PatchSet& patches, const Lighting& lighting);
 
-// Samples of the hemisphere per row, for laws of error.
-double samplesOf(const MethodSpec& spec);
-
 }  // namespace farol

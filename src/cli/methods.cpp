@@ -8,6 +8,7 @@
 #include "formfactor/team.h"
 
 #include <charconv>
+#include <future>
 #include <thread>
 
 namespace farol {
@@ -96,6 +97,12 @@ std::string methodText(const MethodSpec& spec) {
   return text;
 }
 
+double samplesOf(const MethodSpec& s) {
+  if (s.kind == MethodSpec::Kind::rays) return s.rays;
+  if (s.kind == MethodSpec::Kind::exact) return 1e12;
+  return (s.projection == Projection::hemicube ? 3.0 : 1.5) * s.resolution * s.resolution * s.positions;
+}
+
 size_t coresFor(const Options& options) {
   return options.threads > 0 ? static_cast<size_t>(options.threads)
                              : std::max<size_t>(1, std::thread::hardware_concurrency());
@@ -161,7 +168,8 @@ std::unique_ptr<RowMaker> Methods::rasterMaker(const MethodSpec& spec) {
   }
   std::unique_ptr<NearField> nearField;
   if (spec.nearField && spec.positions == 1) {
-    nearField = std::make_unique<NearField>(tracer(), facets_, patches_, exposedArea(), spec.seed);
+    // Errors far below what a pixel adds or takes are not looked for.
+    nearField = std::make_unique<NearField>(tracer(), facets_, patches_, exposedArea(), spec.seed, 0.1 / samplesOf(spec));
     o.nearField = nearField.get();
   }
   // A software device shares the host's memory: nothing travels, and looking for empty bins takes twice the time of a row.
@@ -173,9 +181,12 @@ std::unique_ptr<RowMaker> Methods::rasterMaker(const MethodSpec& spec) {
       first.info().type == "CPU" ? std::clamp<size_t>(worthwhile, 1, mostSoftwareDevices(options_)) : 1;
   o.deviceMemory /= softwareDevices;
   while (team.size() < softwareDevices) team.push_back(std::make_unique<gpu::Device>(std::to_string(first.info().index)));
+  std::vector<std::future<std::unique_ptr<RasterRowMaker>>> starting;  // pipelines take their time
+  for (size_t k = 0; k < softwareDevices; ++k)
+    starting.push_back(std::async(std::launch::async, [&, k] { return std::make_unique<RasterRowMaker>(*team[k], facets_, patches_, o); }));
   std::vector<std::unique_ptr<RowMaker>> makers;
-  for (size_t k = 0; k < softwareDevices; ++k) {
-    auto maker = std::make_unique<RasterRowMaker>(*team[k], facets_, patches_, o);
+  for (auto& start : starting) {
+    auto maker = start.get();
     batch = maker->batchSize();
     deviceBytes = softwareDevices * maker->deviceBytes();
     makers.push_back(std::move(maker));

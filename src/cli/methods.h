@@ -18,6 +18,7 @@ namespace farol {
 // UsageError.
 MethodSpec parseMethod(const std::string& text);
 std::string methodText(const MethodSpec& spec);  // the same, complete
+double samplesOf(const MethodSpec& spec);        // of the hemisphere per row, for laws of error
 
 // Makes row makers for one set of patches; opens what they need when it is first needed, and keeps it.
 class Methods {

@@ -94,7 +94,7 @@ void HemicubeRows::storeSingleHybrid(const SeenBatch& batch, size_t k, RowStore&
   if (share > 0) {
     for (size_t j = 0; j < row.size(); ++j) row[j] = static_cast<float>(counts[j] / kFullHemisphere);
     shares = {seen.missed / kFullHemisphere, seen.backs / kFullHemisphere, share};
-    if (options_.nearField != nullptr) options_.nearField->correct(patch, {}, row, shares);
+    if (options_.nearField != nullptr) options_.nearField->correct(patch, row, shares);
     std::vector<double> factors(row.size(), 1.0);
     for (size_t j = 0; j < row.size(); ++j) {
       if (counts[j] > 0) factors[j] = static_cast<double>(row[j]) * kFullHemisphere / counts[j];
@@ -123,7 +123,7 @@ void HemicubeRows::storeSingle(const SeenBatch& batch, size_t k, RowStore& store
         ids.push_back(static_cast<uint32_t>(j));
         values.push_back(static_cast<float>(count / kFullHemisphere));
       });
-      if (options_.nearField != nullptr && !ids.empty()) options_.nearField->correct(patch, ids, values, shares);
+      if (options_.nearField != nullptr) options_.nearField->correct(patch, ids, values, shares);
     }
     store.entries(patch, ids, values);
   } else {
@@ -131,7 +131,7 @@ void HemicubeRows::storeSingle(const SeenBatch& batch, size_t k, RowStore& store
     if (share <= 0) std::fill(row.begin(), row.end(), 0.0f);
     if (share > 0) {
       seen.forEach([&](size_t j, uint32_t count) { row[j] = static_cast<float>(count / kFullHemisphere); });
-      if (options_.nearField != nullptr) options_.nearField->correct(patch, {}, row, shares);
+      if (options_.nearField != nullptr) options_.nearField->correct(patch, row, shares);
     }
   }
   store.finish(patch, shares);

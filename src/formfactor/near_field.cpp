@@ -59,9 +59,24 @@ double UnoccludedFactor::from(std::span<const Position> points, uint32_t i, uint
   return sum;
 }
 
+double UnoccludedFactor::fromCentre(uint32_t i, uint32_t j) const {
+  const Vec3& n = patches_.patches[i].normal;
+  const Vec3 d = centres_[j] - centres_[i];
+  const double squared = glm::dot(d, d), area = sizes_[j] * sizes_[j];
+  constexpr double kFar = 9;
+  if (squared > kFar * std::max(area, radii_[j] * radii_[j])) {
+    const double ci = glm::dot(n, d), cj = -glm::dot(patches_.patches[j].normal, d);
+    return ci <= 0 || cj <= 0 ? 0 : area * ci * cj / (kPi * squared * squared);
+  }
+  if (!faceEachOther(i, j)) return 0;
+  double sum = 0;
+  for (const auto& polygon : polygons_[j]) sum += pointToPolygon(centres_[i], n, polygon);
+  return sum;
+}
+
 NearField::NearField(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, const ExposedArea& exposed,
-                     uint64_t seed)
-    : tracer_(tracer), facets_(facets), patches_(patches), exposed_(exposed), seed_(seed), factor_(facets, patches) {}
+                     uint64_t seed, double worthIt)
+    : tracer_(tracer), facets_(facets), patches_(patches), exposed_(exposed), seed_(seed), worthIt_(worthIt), factor_(facets, patches), nearest_(factor_.centres(), factor_.sizes()) {}
 
 std::vector<Position> NearField::exposedPoints(uint32_t i) const {
   return exposedPositions(tracer_, facets_, positionsOn(facets_, patches_, i, 64, seed_ + i), patches_.patches[i].normal);
@@ -91,60 +106,67 @@ double NearField::visibleShare(std::span<const Position> from, uint32_t i, uint3
   return visible / all;
 }
 
-void NearField::correct(uint32_t patch, std::span<const uint32_t> ids, std::span<float> row, RowShares& shares) const {
+std::vector<NearField::Entry> NearField::nearEntries(uint32_t patch) const {
   constexpr size_t kMost = 16;
-  constexpr double kWorthIt = 1e-6;  // predicted error of an entry
-  constexpr float kSmallest = 1e-5f, kLarge = 0.05f;  // entries; a row has few large ones, which need more points
-  struct Near {
-    double error;
-    uint32_t patch;
-    size_t place;  // in the row
-    bool operator<(const Near& o) const { return error > o.error || (error == o.error && patch < o.patch); }
-  };
-  static thread_local std::vector<Near> near;
+  constexpr double kSmallest = 1e-5, kLarge = 0.05;  // factors; a row has few large ones, which need more points
+  static thread_local std::vector<NearPatches::Near> near;
   near.clear();
-  const double h = factor_.size(patch);
-  double whole = shares.missed + shares.backs;
-  for (size_t k = 0; k < row.size(); ++k) {
-    if (row[k] <= 0) continue;
-    const auto f = static_cast<double>(row[k]);
-    whole += f;
-    if (row[k] < kSmallest) continue;
-    const uint32_t j = ids.empty() ? static_cast<uint32_t>(k) : ids[k];
-    const Vec3 d = factor_.centre(j) - factor_.centre(patch);
-    // The error of the centre is largest at about half a size and falls towards contact (failure 1).
-    const double error = 0.1 * f * h * h / std::max(glm::dot(d, d), 0.25 * h * h);
-    if (error > kWorthIt) near.push_back({error, j, k});
-  }
-  const size_t count = std::min(kMost, near.size());
-  std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(count), near.end());
-  if (count == 0) return;
+  nearest_.find(patch, kMost, worthIt_, [&](uint32_t j) {
+    const double f = factor_.fromCentre(patch, j);
+    return f < kSmallest ? 0 : f;
+  }, near);
+  if (near.empty()) return {};
   const bool partly = exposed_.share[patch] < 1;
   const std::vector<Position> points =
       partly ? exposedPoints(patch) : positionsOn(facets_, patches_, patch, kPacketSize, seed_ + patch);
-  if (points.empty()) return;
-  double sampled = 0, exact = 0;
-  std::array<double, kMost> values{};
-  for (size_t k = 0; k < count; ++k) {
-    const uint32_t j = near[k].patch;
-    const float entry = row[near[k].place];
-    sampled += static_cast<double>(entry);
-    const double d = glm::distance(factor_.centre(j), factor_.centre(patch));
-    const double unoccluded =
-        partly ? factor_.from(points, patch, j)
-               : factor_(patch, j, entry > kLarge ? 8 : d > 3 * h ? 2 : d > 1.5 * h ? 3 : 4);
-    values[k] = unoccluded * visibleShare(points, patch, j);
-    exact += values[k];
+  if (points.empty()) return {};
+  const double h = factor_.sizes()[patch];
+  std::vector<Entry> entries;
+  for (const NearPatches::Near& n : near) {
+    const double d = glm::distance(factor_.centres()[n.patch], factor_.centres()[patch]);
+    const double unoccluded = partly ? factor_.from(points, patch, n.patch)
+                                     : factor_(patch, n.patch, n.factor > kLarge ? 8 : d > 3 * h ? 2 : d > 1.5 * h ? 3 : 4);
+    entries.push_back({n.patch, unoccluded * visibleShare(points, patch, n.patch), n.patch});
+  }
+  return entries;
+}
+
+void NearField::put(std::span<const Entry> near, std::span<float> row, RowShares& shares) const {
+  double whole = shares.missed + shares.backs, sampled = 0, exact = 0;
+  for (const float f : row) whole += static_cast<double>(f);
+  for (const Entry& e : near) {
+    sampled += static_cast<double>(row[e.place]);
+    exact += e.value;
   }
   if (exact <= 0) return;
   const double rest = whole - sampled, scale = (whole - exact) / rest;
   const bool enough = rest > 0 && scale > 0.5 && scale < 2;
   const double far = enough ? scale : 1, close = enough ? 1 : sampled / exact;
   for (float& f : row) f = static_cast<float>(static_cast<double>(f) * far);
-  for (size_t k = 0; k < count; ++k) row[near[k].place] = static_cast<float>(values[k] * close);
+  for (const Entry& e : near) row[e.place] = static_cast<float>(e.value * close);
   shares.missed *= far;
   shares.backs *= far;
   shares.correction = enough ? far : close;
+}
+
+void NearField::correct(uint32_t patch, std::span<float> row, RowShares& shares) const {
+  std::vector<Entry> near = nearEntries(patch);
+  // From a mirror or glass that no pixel shows no path goes on.
+  std::erase_if(near, [&](const Entry& e) { return row[e.place] <= 0 && patches_.patches[e.patch].isSpecular(); });
+  put(near, row, shares);
+}
+
+void NearField::correct(uint32_t patch, std::vector<uint32_t>& ids, std::vector<float>& values, RowShares& shares) const {
+  std::vector<Entry> near = nearEntries(patch);
+  const auto placeOf = [&](uint32_t j) { return std::lower_bound(ids.begin(), ids.end(), j) - ids.begin(); };
+  for (const Entry& e : near) {
+    const auto at = placeOf(e.patch);
+    if (at < std::ssize(ids) && ids[static_cast<size_t>(at)] == e.patch) continue;
+    ids.insert(ids.begin() + at, e.patch);
+    values.insert(values.begin() + at, 0.0f);
+  }
+  for (Entry& e : near) e.place = static_cast<size_t>(placeOf(e.patch));
+  put(near, values, shares);
 }
 
 namespace {

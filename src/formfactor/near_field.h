@@ -2,6 +2,7 @@
 #pragma once
 
 #include "formfactor/form_factors.h"
+#include "formfactor/near_patches.h"
 #include "patch/positions.h"
 #include "trace/cover.h"
 
@@ -18,8 +19,9 @@ class UnoccludedFactor {
   double from(std::span<const Position> points, uint32_t i, uint32_t j) const;  // from points of patch i
 
   bool faceEachOther(uint32_t i, uint32_t j) const;
-  const Vec3& centre(uint32_t i) const { return centres_[i]; }  // [unit coordinates]
-  double size(uint32_t i) const { return sizes_[i]; }           // root of the area [unit coordinates]
+  double fromCentre(uint32_t i, uint32_t j) const;  // from the centre of patch i; within 5 % beyond three sizes of j
+  const std::vector<Vec3>& centres() const { return centres_; }  // [unit coordinates]
+  const std::vector<double>& sizes() const { return sizes_; }    // roots of the areas [unit coordinates]
 
  private:
   const FacetSet& facets_;
@@ -33,18 +35,27 @@ class UnoccludedFactor {
 // become the closed form times the kernel-weighted visible share of 16 pairs of points (Embree), and the rest of the row,
 // what missed the scene or met backs included, is scaled so that the whole stays 1. Where the rest is too small to make
 // up for the change (a factor beyond 2 or below 1/2), it is kept, and the near entries divide their old sum as the closed
-// forms do.
+// forms do. Which entries these are does not depend on what was seen: where pixels are larger than patches, those that
+// show by chance would all be corrected downwards, and those that do not would be missing.
 class NearField {
  public:
-  // Of a partly covered patch only the exposed part counts.
+  // Of a partly covered patch only the exposed part counts. Entries with a predicted error of at least `worthIt` are corrected.
   NearField(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, const ExposedArea& exposed,
-            uint64_t seed);
+            uint64_t seed, double worthIt = 1e-6);
 
-  // Entries of the patches `ids`, ascending, or, where `ids` is empty, of all patches. Also scales the shares, and sets
-  // their `correction`.
-  void correct(uint32_t patch, std::span<const uint32_t> ids, std::span<float> row, RowShares& shares) const;
+  // A row of all patches, or the entries of the patches `ids`, ascending, which may become more. Also scales the shares, and
+  // sets their `correction`.
+  void correct(uint32_t patch, std::span<float> row, RowShares& shares) const;
+  void correct(uint32_t patch, std::vector<uint32_t>& ids, std::vector<float>& values, RowShares& shares) const;
 
  private:
+  struct Entry {
+    uint32_t patch;
+    double value;  // the corrected factor
+    size_t place;  // in the row
+  };
+  std::vector<Entry> nearEntries(uint32_t patch) const;
+  void put(std::span<const Entry> near, std::span<float> row, RowShares& shares) const;
   std::vector<Position> exposedPoints(uint32_t i) const;
   double visibleShare(std::span<const Position> from, uint32_t i, uint32_t j) const;
 
@@ -53,7 +64,9 @@ class NearField {
   const PatchSet& patches_;
   const ExposedArea& exposed_;
   uint64_t seed_;
+  double worthIt_;
   UnoccludedFactor factor_;
+  NearPatches nearest_;
 };
 
 // Why a scene's factors cannot all be had in closed form: the surface that may stand between two others. Empty when

@@ -72,6 +72,41 @@ TEST(NearField, HasSomethingToBalanceItInOpenScenesAndSmallOnes) {
   EXPECT_NEAR(box.factor("x0", "x1"), 0.4755764365, 5e-4);
 }
 
+// Pixels much larger than patches: those near an edge that show no pixel count as much as those that do. The mean factor
+// between two sides of a cube is a closed form (truth A12a).
+TEST(NearField, DoesNotDependOnWhatPixelsShow) {
+  const Scene scene = loadSurfaces(closedBox({1, 1, 1}));
+  RayRun rays(scene, {1500, 0}, {});
+  std::unique_ptr<ExposedArea> exposed;
+  std::unique_ptr<NearField> nearField;
+  const auto made = [&](bool lists) {
+    RasterRun run = corrected(scene, 1500, rays, exposed, nearField);
+    run.options.resolution = 8;
+    run.options.lists = lists;
+    run.makeAll();
+    return run;
+  };
+  RasterRun listed = made(true), dense = made(false);
+  EXPECT_NEAR(dense.factor("x0", "y0"), 0.2000437771, 0.005 * 0.2);
+  EXPECT_NEAR(dense.factor("x0", "x1"), 0.1998248957, 0.01 * 0.2);
+  // To the patches along an edge from the rows that touch it.
+  const UnoccludedFactor exact(dense.facets, dense.patches);
+  double found = 0, expected = 0;
+  for (const uint32_t i : dense.patchesOf("x0")) {
+    if (dense.patches.patches[i].centre.y > 0.1) continue;
+    for (const uint32_t j : dense.patchesOf("y0")) {
+      if (dense.patches.patches[j].centre.x > 0.1) continue;
+      found += dense.f[i].at(j);
+      expected += exact(i, j);
+    }
+  }
+  EXPECT_NEAR(found, expected, 0.003 * expected);
+  for (uint32_t i = 0; i < dense.patches.size(); ++i) {
+    EXPECT_NEAR(dense.f.rowSum(i), 1, 1e-6);
+    EXPECT_EQ(listed.f[i].expanded(), dense.f[i].expanded()) << i;
+  }
+}
+
 // What stands on a floor hides the area under it from both ways of seeing: rows of partly covered patches still sum to
 // one, and the exposed area is the floor's less the footprint.
 TEST(CoveredArea, NeitherGathersNorIsSeen) {
