@@ -4,6 +4,7 @@
 #include "formfactor/error_model.h"
 
 #include <algorithm>
+#include <future>
 
 namespace farol {
 namespace {
@@ -27,10 +28,21 @@ void repair(RunState& run) {
       r.sweeps, 100 * r.asymmetry, r.meanChange, r.largestChange, r.closure);
 }
 
-// Their differences to F's rows tell the error of H.
-void replicateRows(RunState& run) {
-  run.replicates = replicatesOf(run.methods, run.patches, *run.spec, *run.f,
-                                replicatedRows(run.patches.size(), run.spec->hemicubes()));
+// Their differences to F's rows tell the error of H. Of patches that may yet be left out, proportionally more.
+void replicateRows(RunState& run, bool allKept = true) {
+  const size_t all = run.patches.size(), count = replicatedRows(all, run.spec->hemicubes());
+  run.replicates = replicatesOf(run.methods, run.patches, *run.spec, *run.f, allKept ? count : count * all / run.patches.frontPatchCount);
+}
+
+// Rows of all patches become those of the patches `kept`.
+void keepOf(const std::vector<uint32_t>& kept, Replicates& replicates) {
+  replicates.rows->keep(kept);
+  std::vector<uint32_t> patches;
+  for (const uint32_t old : replicates.patches) {
+    const auto place = std::lower_bound(kept.begin(), kept.end(), old);
+    if (place != kept.end() && *place == old) patches.push_back(static_cast<uint32_t>(place - kept.begin()));
+  }
+  replicates.patches = std::move(patches);
 }
 
 void reportRowErrors(RunState& run) {
@@ -55,25 +67,30 @@ size_t replicatedRows(size_t patches, bool hemicubes) {
 void makeFactors(RunState& run) {
   const StorageChoice storage = chooseStorage(run.situation, *run.spec);
   run.report.storageWhy = storage.why;
-  if (run.spec->hemicubes()) {
-    run.methods.device();
-    run.report.clock.finish("device");
-  }
   run.f.emplace(run.patches.size(), allowedBytes(run.options), storage.storage);
   if (run.patches.colouredSpecular()) run.f->addChannels();
+  if (run.spec->hemicubes()) {
+    // Opening a device is one core's work; rays find meanwhile what will tell the errors of its rows.
+    std::future<void> device = std::async(std::launch::async, [&] { run.methods.device(); });
+    replicateRows(run, false);
+    run.report.clock.finish("checks");
+    device.get();
+    run.report.clock.finish("device");
+  }
   const std::unique_ptr<RowMaker> maker = run.methods.maker(*run.spec);
   // A kept F, or one for many lightings, may be lit from anywhere: it has a row for every patch.
   const bool all = maxChannel(run.options.sky) > 0 || run.options.output.ends_with(".npz") || !run.variants.empty();
-  makeFormFactors(*maker, run.patches, all, run.log, *run.f);
+  const std::vector<uint32_t> kept = makeFormFactors(*maker, run.patches, all, run.log, *run.f);
+  if (run.replicates.rows && !kept.empty()) keepOf(kept, run.replicates);
   run.countPatches();
   reportStorage(run);
   run.report.clock.finish("form factors");
-  run.model =
-      fitErrorModel(*run.f, run.patches,
-                    makeProbes(run.methods, run.patches, *run.spec, *run.f,
-                               run.options.tolerance > 0 ? kProbes / 3 : kProbes, run.options.tolerance > 0 ? 4 : 16),
-                    samplesOf(*run.spec));
-  replicateRows(run);
+  const bool few = run.options.tolerance > 0;
+  const ProbeRows probes = run.spec->hemicubes()
+                               ? ProbeRows{run.replicates.patches, {*run.replicates.rows}, {}}
+                               : makeProbes(run.methods, run.patches, *run.spec, *run.f, few ? kProbes / 3 : kProbes, few ? 4 : 16);
+  run.model = fitErrorModel(*run.f, run.patches, probes, samplesOf(*run.spec));
+  if (!run.spec->hemicubes()) replicateRows(run);
   if (run.spec->kind == MethodSpec::Kind::exact) run.model = {};
   if (run.options.repair) repair(run);
   run.report.errorModel = run.model;

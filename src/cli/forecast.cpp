@@ -91,7 +91,7 @@ ForecastReport forecastOf(const RunState& run, const RowProbe& probe, double mat
   const double more = n / static_cast<double>(tried.rows);
   const double startup = std::max(0.0, tried.factors - static_cast<double>(tried.rows) / probe.rowsPerSecond);
   const auto again = [&](double rows) {
-    return kProbes * 16.0 + static_cast<double>(replicatedRows(static_cast<size_t>(rows), run.spec->hemicubes()));
+    return (run.spec->hemicubes() ? 0.0 : kProbes * 16.0) + static_cast<double>(replicatedRows(static_cast<size_t>(rows), run.spec->hemicubes()));
   };
   const double sweeps = std::min(0.8 * tried.light, kSecondsPerEntry * tried.entries * tried.passes);
   ForecastReport f;

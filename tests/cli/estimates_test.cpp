@@ -153,6 +153,26 @@ void compareIrradiance(const std::string& options, size_t patches, const std::st
   expectHonest(errors, 2, what);
 }
 
+// Outer sides that no light reaches are left out after the rows that tell errors were made: what these tell is the same.
+TEST(StatedErrors, OfHemicubesAreThoseOfThePatchesThatAreKept) {
+  const TemporaryFolder folder;
+  const auto median = [&](bool twoSided) {
+    auto box = closedBox({1, 1.2, 0.9}, Rgb(0.5), Rgb(0));
+    box[5].emission = Rgb(1);
+    for (TestSurface& s : box) s.twoSided = twoSided;
+    writeText(folder.path("s.gltf"), gltfOf(box).dump());
+    std::vector<double> errors;
+    for (const Line& line : solve(folder.path("s.gltf"), "--method raster --resolution 16 --emitters matrix --patches 600", folder)) {
+      if (line.h[0] > 0) errors.push_back(line.err);
+    }
+    EXPECT_GT(errors.size(), 500u);
+    return Errors::median(errors);
+  };
+  const double one = median(false), two = median(true);
+  EXPECT_GT(one, 0);
+  EXPECT_NEAR(two, one, 0.2 * one);
+}
+
 TEST(StatedErrors, OfIrradianceByRays) {
   compareIrradiance("--method rays", 400, "irradiance, rays:256");
 }
