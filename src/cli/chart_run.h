@@ -13,7 +13,7 @@ struct ChartRun {
   Chart chart;
   int interrupted = 0;
 };
-ChartRun runChart(const Options& options, const Scene& scene, const FacetSet& facets, const std::string& cache, const Log& log);
+ChartRun runChart(const Options& options, const Scene& scene, const FacetSet& facets, const std::string& cache, Log& log);
 
 // The settings that nothing beats and the laws, in lines; where laws depart from what is known of an empty box, that too.
 std::string chartText(const Chart& chart);

@@ -22,18 +22,33 @@ LampPlan LightingMaker::plan(const PatchSet& patches, const MethodSpec& spec) co
   return plan;
 }
 
-DirectIrradiance LightingMaker::lamps(const LampPlan& plan, const Scene& scene, const PatchSet& patches,
-                                      uint64_t seed) const {
-  return {methods_.tracer(), facets_, patches, plan.lamps, scene.lights, {options_.shadowRays, seed}};
+// On two cores an image costs a patch 0.6 us, as much as a shadow ray costs light that is followed from the lamps.
+Shining LightingMaker::shining(const LampPlan& plan, const Scene& scene, const PatchSet& patches, bool imagesOfLamps) const {
+  Shining s{plan.lamps, scene.lights, std::nullopt, false};
+  if (!patches.anySpecular() || (s.lights.empty() && (s.lamps.empty() || !imagesOfLamps))) return s;
+  s.mirrors.emplace(facets_, patches);
+  const size_t most = std::min<size_t>(kMostLampImages, options_.shadowRays);
+  const auto ofLamps = lampImages(imagesOfLamps ? std::span<const Lamp>(plan.lamps) : std::span<const Lamp>(), *s.mirrors, methods_.limits(), most);
+  const auto ofLights = lightImages(scene.lights, facets_.frame, *s.mirrors, methods_.limits(), most - (ofLamps ? ofLamps->size() : 0));
+  s.follow = !ofLamps || !ofLights;
+  if (s.follow) {
+    s.mirrors.reset();
+    return s;
+  }
+  s.lamps.insert(s.lamps.end(), ofLamps->begin(), ofLamps->end());
+  s.lights.insert(s.lights.end(), ofLights->begin(), ofLights->end());
+  return s;
 }
 
-// Shadow rays stop at mirrors and glass: what these pass on of the lamps apart is followed from the lamps.
-void LightingMaker::addFollowed(const PatchSet& patches, const std::vector<double>& exposed, DirectLight& direct) const {
+// Shadow rays stop at mirrors and glass: what these pass on of lamps apart and punctual lights is followed from there.
+void LightingMaker::addFollowed(const PatchSet& patches, std::span<const uint8_t> apart, std::span<const PunctualLight> lights, const std::vector<double>& exposed,
+                                DirectLight& direct) const {
   constexpr size_t kPerShadowRay = 4;
   const RayTree tree(methods_.tracer(), facets_, patches, methods_.limits());
   Progress progress(log_, "light over mirrors and through glass", "patches", patches.size());
-  const SpecularLight more = traceSpecularLight(methods_.tracer(), facets_, patches, tree, direct.apart, exposed, kPerShadowRay * options_.shadowRays * patches.size(),
-                                                mixBits(options_.seed + 2), [&](double done) { progress.update(static_cast<size_t>(done * static_cast<double>(patches.size()))); });
+  const SpecularLight more =
+      traceSpecularLight(methods_.tracer(), facets_, patches, tree, apart, lights, exposed, kPerShadowRay * options_.shadowRays * patches.size(), mixBits(options_.seed + 2),
+                         [&](double done) { progress.update(static_cast<size_t>(done * static_cast<double>(patches.size()))); });
   for (size_t i = 0; i < patches.size(); ++i) {
     direct.irradiance[i] += more.irradiance[i];
     direct.deviation[i] = glm::sqrt(direct.deviation[i] * direct.deviation[i] + more.deviation[i] * more.deviation[i]);
@@ -46,29 +61,18 @@ void LightingMaker::addDirect(const Scene& scene, const PatchSet& patches, const
   if (lighting.plan.lamps.empty() && scene.lights.empty()) return;
   std::vector<double> exposed(patches.size());
   for (size_t i = 0; i < exposed.size(); ++i) exposed[i] = f.shares(i).exposed;
-  std::vector<Lamp> shining = lighting.plan.lamps;
-  std::optional<PlanarMirrors> mirrors;
-  bool follow = false;
-  if (patches.anySpecular() && !shining.empty()) {
-    mirrors.emplace(facets_, patches);
-    // On two cores an image costs a patch 0.6 us, as much as a shadow ray costs light that is followed from the lamps.
-    const auto images = lampImages(shining, *mirrors, methods_.limits(), std::min<size_t>(kMostLampImages, options_.shadowRays));
-    follow = !images;
-    if (images)
-      shining.insert(shining.end(), images->begin(), images->end());
-    else
-      mirrors.reset();
-  }
-  const auto computed = [&](std::span<const Lamp> from) {
+  const Shining all = shining(lighting.plan, scene, patches, true);
+  const auto computed = [&](std::span<const Lamp> lamps, std::span<const uint8_t> apart) {
     Progress progress(log_, "direct light", "patches", 2 * patches.size());
-    return DirectIrradiance(methods_.tracer(), facets_, patches, from, scene.lights, {options_.shadowRays, options_.seed, mirrors ? &*mirrors : nullptr})
+    DirectLight light = DirectIrradiance(methods_.tracer(), facets_, patches, lamps, all.lights, {options_.shadowRays, options_.seed, all.mirrors ? &*all.mirrors : nullptr})
         .compute(exposed, [&](size_t done) { progress.update(done); });
+    if (all.follow) addFollowed(patches, apart, scene.lights, exposed, light);
+    return light;
   };
-  lighting.direct = computed(shining);
+  lighting.direct = computed(all.lamps, lighting.plan.apart);
   lighting.direct.apart = lighting.plan.apart;
-  if (follow) addFollowed(patches, exposed, lighting.direct);
   if (!scene.lights.empty())
-    lighting.fromPunctual = computed({}).irradiance;
+    lighting.fromPunctual = computed({}, std::vector<uint8_t>(patches.size())).irradiance;
 }
 
 Lighting LightingMaker::solve(const Scene& scene, const PatchSet& patches, const Rgb& sky, const FormFactorMatrix& f,

@@ -4,6 +4,7 @@
 
 #include "cli/methods.h"
 #include "formfactor/error_model.h"
+#include "trace/planar_mirrors.h"
 #include "solve/irradiance_error.h"
 
 namespace farol {
@@ -16,6 +17,14 @@ struct Lighting {
   std::vector<Rgb> error;     // of H per patch (irradiance_error.h)
 };
 
+// What sends direct light, with its images in planar mirrors.
+struct Shining {
+  std::vector<Lamp> lamps;
+  std::vector<PunctualLight> lights;
+  std::optional<PlanarMirrors> mirrors;  // that images name
+  bool follow = false;                   // mirrors and glass pass on more than images tell
+};
+
 // All that lightings of one scene share. The references must outlive this.
 class LightingMaker {
  public:
@@ -25,7 +34,8 @@ class LightingMaker {
   // Which emitters go apart, where rows of F are made as `spec` says.
   LampPlan plan(const PatchSet& patches, const MethodSpec& spec) const;
 
-  DirectIrradiance lamps(const LampPlan& plan, const Scene& scene, const PatchSet& patches, uint64_t seed) const;
+  // `imagesOfLamps`: for those who do not meet lamps in mirrors.
+  Shining shining(const LampPlan& plan, const Scene& scene, const PatchSet& patches, bool imagesOfLamps) const;
 
   // `device`: sweeps run there. Without errors.
   Lighting solve(const Scene& scene, const PatchSet& patches, const Rgb& sky, const FormFactorMatrix& f,
@@ -40,7 +50,8 @@ class LightingMaker {
 
  private:
   void addDirect(const Scene& scene, const PatchSet& patches, const FormFactorMatrix& f, Lighting& lighting) const;
-  void addFollowed(const PatchSet& patches, const std::vector<double>& exposed, DirectLight& direct) const;
+  void addFollowed(const PatchSet& patches, std::span<const uint8_t> apart, std::span<const PunctualLight> lights, const std::vector<double>& exposed,
+                   DirectLight& direct) const;
 
   const Options& options_;
   const FacetSet& facets_;

@@ -71,8 +71,14 @@ void readSensorsHere(RunState& run) {
   o.seed = run.options.seed;
   o.sky = run.options.sky;
   const RayTree tree(run.methods.tracer(), run.facets, run.patches, run.methods.limits());
-  const auto readings = readSensors(tree, run.methods.tracer(), run.facets, run.patches,
-                                    run.lightings.lamps(run.lighting.plan, run.scene, run.patches, run.options.seed),
+  const Shining shining = run.lightings.shining(run.lighting.plan, run.scene, run.patches, false);
+  if (shining.follow) {
+    run.log.warn({"sensors-and-punctual-lights",
+                  "what mirrors and glass pass on of point, spot and directional lights does not reach sensors, only patches: they have no area that a sensor's rays could meet"});
+  }
+  const DirectIrradiance lamps(run.methods.tracer(), run.facets, run.patches, shining.lamps, shining.lights,
+                               {run.options.shadowRays, run.options.seed, shining.mirrors ? &*shining.mirrors : nullptr});
+  const auto readings = readSensors(tree, run.methods.tracer(), run.facets, run.patches, lamps,
                                     run.lighting.direct, run.lighting.solution, run.sensors, o);
   writeSensorReadings(run.options.sensorsOut, run.sensors, readings);
   double low = 1e300, high = 0, mean = 0;

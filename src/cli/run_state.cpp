@@ -82,7 +82,6 @@ void cut(RunState& run) {
                              run.patches.frontPatchCount, run.options.patches));
   }
   run.countPatches();
-  warnOfMirroredPoints(run.scene, run.patches, run.log);
   warnOfOverlaps(run.scene, run.facets, run.report.area, run.log);
   run.report.clock.finish("patches");
   run.say("{}: {} surfaces, {} triangles, {} facets, {} patches", run.options.scene, run.report.surfaces,

@@ -25,11 +25,6 @@ std::vector<std::string> leakingSurfaces(const FormFactorMatrix& f, const PatchS
 
 }  // namespace
 
-void warnOfMirroredPoints(const Scene& scene, const PatchSet& patches, Log& log) {
-  if (patches.anySpecular() && !scene.lights.empty())
-    log.warn({"punctual-light-and-mirrors", "what mirrors and glass pass on of point, spot and directional lights is left out: they have no area that a path could meet"});
-}
-
 // Pairs of surfaces once each.
 void warnOfOverlaps(const Scene& scene, const FacetSet& facets, double totalArea, Log& log) {
   constexpr size_t kMost = 1000, kNamed = 8;

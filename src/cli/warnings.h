@@ -7,7 +7,6 @@
 
 namespace farol {
 
-void warnOfMirroredPoints(const Scene& scene, const PatchSet& patches, Log& log);
 void warnOfOverlaps(const Scene& scene, const FacetSet& facets, double totalArea, Log& log);  // totalArea [scene units squared]
 void warnOfBrokenRules(const FormFactorChecks& c, const FormFactorMatrix& f, const ErrorModel& model, const PatchSet& patches, const Scene& scene,
                        Log& log);

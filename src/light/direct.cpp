@@ -40,18 +40,25 @@ Rgb unoccludedIrradiance(const PunctualLight& light, const Vec3& point, const Ve
   const double squared = glm::dot(to, to), distance = std::sqrt(squared);
   const double cosine = distance > 0 ? glm::dot(normal, to) / distance : 0;
   if (cosine <= 0) return Rgb(0);
-  double factor = cosine / squared;
-  if (light.range > 0) {
-    const double q = squared / (light.range * light.range);
-    factor *= std::clamp(1 - q * q, 0.0, 1.0);
-  }
-  if (light.kind == PunctualLight::Kind::spot) {
-    const double cone = -glm::dot(light.direction, to) / distance;
-    const double outer = std::cos(light.outerCone), inner = std::cos(light.innerCone);
-    const double t = std::clamp((cone - outer) / std::max(inner - outer, 1e-4), 0.0, 1.0);
-    factor *= t * t;
-  }
-  return light.intensity * factor;
+  return light.intensity * (cosine / squared * rangeShare(light, distance) * coneShare(light, -glm::dot(light.direction, to) / distance));
+}
+
+double rangeShare(const PunctualLight& light, double distance) {
+  if (light.range <= 0 || light.kind == PunctualLight::Kind::directional) return 1;
+  return std::clamp(1 - std::pow(distance / light.range, 4), 0.0, 1.0);
+}
+
+double coneShare(const PunctualLight& light, double cosine) {
+  if (light.kind != PunctualLight::Kind::spot) return 1;
+  const double outer = std::cos(light.outerCone), inner = std::cos(light.innerCone);
+  const double t = std::clamp((cosine - outer) / std::max(inner - outer, 1e-4), 0.0, 1.0);
+  return t * t;
+}
+
+Vec3 wayTo(const PunctualLight& light, const Vec3& point, const Frame& frame) {
+  constexpr double kOutOfAnyScene = 3;  // whose diagonal is 1; another one for each mirror on the way
+  if (light.kind == PunctualLight::Kind::directional) return -(kOutOfAnyScene + static_cast<double>(light.mirrors.size())) * light.direction;
+  return frame.toUnit(light.position) - point;
 }
 
 DirectIrradiance::DirectIrradiance(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches,
@@ -87,7 +94,8 @@ struct DirectIrradiance::Source {
   double weight;   // its largest channel
   std::array<uint32_t, 4> shift;  // of the sequence
 
-  bool isImage() const { return lamp != nullptr && !lamp->mirrors.empty(); }
+  const std::vector<uint32_t>& mirrors() const { return lamp != nullptr ? lamp->mirrors : light->mirrors; }
+  bool isImage() const { return !mirrors().empty(); }
 };
 
 std::vector<DirectIrradiance::Source> DirectIrradiance::sourcesOf(const Receiver& r) const {
@@ -110,16 +118,20 @@ std::vector<DirectIrradiance::Source> DirectIrradiance::sourcesOf(const Receiver
     for (size_t c = 0; c < 4; ++c) source.shift[c] = static_cast<uint32_t>(mixBits(seed + c));
     sources.push_back(source);
   };
+  const auto behind = [&](const std::vector<uint32_t>& way) {  // the first mirror that an image is seen over
+    return !way.empty() && options_.mirrors->all()[way[0]].height(r.centre) + r.radius <= 0;
+  };
   for (const Lamp& lamp : lamps_) {
     bool above = r.bent;
     for (const Vec3& v : lamp.polygon) above |= glm::dot(r.normal, v - r.centre) > kRayOffset;
     if (!above || glm::dot(lamp.normal, r.centre - lamp.centre) + 2 * r.radius <= 0) continue;
-    if (!lamp.mirrors.empty() && options_.mirrors->all()[lamp.mirrors[0]].height(r.centre) + r.radius <= 0) continue;
+    if (behind(lamp.mirrors)) continue;
     double f = 0;
     for (const Position& q : pointsFor(lamp)) f += q.weight * pointToPolygon(q.point, q.normal, lamp.polygon);
     add(&lamp, nullptr, f * lamp.emission);
   }
   for (const PunctualLight& light : lights_) {
+    if (behind(light.mirrors)) continue;
     Rgb irradiance(0);
     for (const Position& q : r.points)
       irradiance += q.weight * unoccludedIrradiance(light, facets_.frame.toScene(q.point), q.normal);
@@ -187,7 +199,7 @@ class DirectIrradiance::Visibility {
     if (all_.options_.mirrors == nullptr) return all_.tracer_.occluded(packet_.rays, live);
     std::array<std::span<const uint32_t>, kPacketSize> ways;
     for (uint32_t k = 0; k < kPacketSize; ++k) {
-      if ((live >> k & 1) != 0 && at_[k]->isImage()) ways[k] = at_[k]->lamp->mirrors;
+      if ((live >> k & 1) != 0 && at_[k]->isImage()) ways[k] = at_[k]->mirrors();
     }
     return live & ~all_.options_.mirrors->connected(all_.tracer_, packet_.rays, live, ways);
   }
@@ -198,7 +210,7 @@ class DirectIrradiance::Visibility {
     const PunctualLight& light = *at_[k]->light;
     const Vec3 p = originOf(k), normal = packet_.normalAt(k);
     packet_.kernel[k] = static_cast<float>(maxChannel(unoccludedIrradiance(light, all_.facets_.frame.toScene(p), normal)) / at_[k]->weight);
-    const Vec3 to = light.kind == PunctualLight::Kind::directional ? -3.0 * light.direction : all_.facets_.frame.toUnit(light.position) - p;
+    const Vec3 to = wayTo(light, p, all_.facets_.frame);
     packet_.rays.set(k, p, to);
   }
 

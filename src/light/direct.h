@@ -71,4 +71,12 @@ class DirectIrradiance {
 // cosine, or lux times cosine. Point in scene units.
 Rgb unoccludedIrradiance(const PunctualLight& light, const Vec3& point, const Vec3& normal);
 
+// Its parts: how a light's range and a spot's cone lessen it, by KHR_lights_punctual, at a distance [scene units] and at an angle
+// to the light's direction.
+double rangeShare(const PunctualLight& light, double distance);
+double coneShare(const PunctualLight& light, double cosine);
+
+// From a point to a punctual light, or out of the scene towards one that is infinitely far [unit coordinates].
+Vec3 wayTo(const PunctualLight& light, const Vec3& point, const Frame& frame);
+
 }  // namespace farol

@@ -1,7 +1,8 @@
-// Light of lamps apart that reaches patches over mirrors and through glass, followed from the lamps (Arvo 1986): few of the rays that leave a
-// patch meet a lamp there, but most of what a lamp sends to a mirror arrives somewhere.
+// Light of lamps apart and of punctual lights that reaches patches over mirrors and through glass, followed from where it starts
+// (Arvo 1986): few of the rays that leave a patch meet a lamp there, but most of what a lamp sends to a mirror arrives somewhere.
 #pragma once
 
+#include "scene/scene.h"
 #include "trace/ray_tree.h"
 
 #include <functional>
@@ -15,11 +16,14 @@ struct SpecularLight {
   size_t rays = 0;              // from lamps
 };
 
-// At least so many `rays`, and at most 2^32, start from the patches that are `apart`, by power, all over them and by the cosine; the power of what
-// arrives after a first mirror or glass is spread over the patch that it meets. `exposed` as in RowShares, per patch. `done` is
-// called now and then, by the caller's thread, with the share that is done. The same for any number of threads.
+// At least so many `rays`, and at most 2^32, start by power from the patches that are `apart`, all over them and by the cosine,
+// from points and spots, and from a disc that covers the scene for directional lights; the power of what arrives after a first
+// mirror or glass is spread over the patch that it meets. A light's range acts on the way to the first one. `exposed` as in
+// RowShares, per patch. `done` is called now and then, by the caller's thread, with the share that is done. The same for any
+// number of threads.
 SpecularLight traceSpecularLight(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, const RayTree& tree,
-                                 std::span<const uint8_t> apart, std::span<const double> exposed, size_t rays, uint64_t seed,
+                                 std::span<const uint8_t> apart, std::span<const PunctualLight> lights, std::span<const double> exposed,
+                                 size_t rays, uint64_t seed,
                                  const std::function<void(double)>& done);
 
 }  // namespace farol

@@ -53,15 +53,19 @@ PathGatherer::PathGatherer(const Tracer& tracer, const FacetSet& facets, const P
       scene_(scene),
       plan_(lamps),
       lamps_(lamps.lamps),
+      lights_(scene.lights),
       sky_(sky),
       hitPatches_(facets, patches),
       tree_(tracer, facets, patches, limits) {
-  if (patches.anySpecular() && !lamps_.empty()) {
+  if (patches.anySpecular() && (!lamps_.empty() || !lights_.empty())) {
     mirrors_.emplace(facets, patches);
-    if (const auto images = lampImages(lamps.lamps, *mirrors_, limits))
-      lamps_.insert(lamps_.end(), images->begin(), images->end());
-    else
-      mirrors_.reset();
+    const auto images = lampImages(lamps.lamps, *mirrors_, limits);
+    const auto ofLights = lightImages(scene.lights, facets.frame, *mirrors_, limits);
+    if (images) lamps_.insert(lamps_.end(), images->begin(), images->end());
+    if (ofLights) lights_.insert(lights_.end(), ofLights->begin(), ofLights->end());
+    imagesOfLamps_ = images.has_value();
+    missesLights_ = !lights_.empty() && !ofLights;
+    if (!images && !ofLights) mirrors_.reset();
   }
   double total = 0;
   for (const Lamp& lamp : lamps_) lampChance_.push_back(total += lamp.area * luminance(lamp.emission));
@@ -155,15 +159,15 @@ void PathGatherer::light(Lane& lane, uint32_t k, ShadowRays& toLamps, ShadowRays
 }
 
 void PathGatherer::lightPunctual(Lane& lane, uint32_t k, ShadowRays& toPunctual) const {
-  if (scene_.lights.empty()) return;
+  if (lights_.empty()) return;
   const Vec3 from = lane.point + lane.offset * lane.normal;
-  const size_t count = scene_.lights.size();
-  const PunctualLight& l = scene_.lights[std::min(static_cast<size_t>(lane.next() * static_cast<double>(count)), count - 1)];
+  const size_t count = lights_.size();
+  const PunctualLight& l = lights_[std::min(static_cast<size_t>(lane.next() * static_cast<double>(count)), count - 1)];
   const Rgb arrives = unoccludedIrradiance(l, facets_.frame.toScene(lane.point), lane.normal);
   if (maxChannel(arrives) <= 0) return;
   toPunctual.light[k] = lane.weight * arrives * static_cast<double>(count);
-  const Vec3 to = l.kind == PunctualLight::Kind::directional ? -2.0 * l.direction : facets_.frame.toUnit(l.position) - from;
-  toPunctual.rays.set(k, from, to);
+  toPunctual.rays.set(k, from, wayTo(l, from, facets_.frame));
+  toPunctual.ways[k] = l.mirrors;
 }
 
 void PathGatherer::meet(const HitPacket& hits, const RayPacket& rays, uint32_t k, Lane& lane) const {
@@ -192,7 +196,7 @@ void PathGatherer::meet(const HitPacket& hits, const RayPacket& rays, uint32_t k
     double total = 0;
     for (const PathHit& h : met.hits) {
       const Optics o = opticsAt(h.facet, static_cast<double>(h.u), static_cast<double>(h.v));
-      const bool sampled = mirrors_ && plan_.apart[h.patch] != 0;  // by its image
+      const bool sampled = imagesOfLamps_ && plan_.apart[h.patch] != 0;  // by its image
       if (&h != &met.hits[0] && !sampled) sum += lane.weight * h.weight * o.emission;
       factors.push_back(h.weight * o.diffuse);
       total += maxChannel(factors.back());
@@ -254,7 +258,7 @@ void PathGatherer::gather(std::span<GatherPath> paths) const {
     }
     if (busy == 0) return;
     if (!lampChance_.empty()) addLight(toLamps, busy);
-    if (!scene_.lights.empty()) addLight(toPunctual, busy);
+    if (!lights_.empty()) addLight(toPunctual, busy);
     tracer_.intersect(rays, busy, hits);
     for (uint32_t k = 0; k < busy; ++k) {
       if (lanes[k].path != nullptr) meet(hits, rays, k, lanes[k]);

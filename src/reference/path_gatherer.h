@@ -1,5 +1,6 @@
 // Irradiance of the continuous scene at a point, by paths: no patches, no form factors, no mesh error. Light of lamps apart, of
-// their images in planar mirrors and of punctual lights is sampled at every point of a path by a shadow ray, everything else is met.
+// punctual lights and of their images in planar mirrors is sampled at every point of a path by a shadow ray, everything else is
+// met. What glass and mirrors of other shapes pass on of punctual lights is missing: no path meets them.
 #pragma once
 
 #include "base/sobol.h"
@@ -33,6 +34,9 @@ class PathGatherer {
   // references must outlive this.
   void endWith(const PatchSet& patches, std::span<const Rgb> irradiance);
 
+  // Whether there are punctual lights whose way over mirrors and through glass is missing.
+  bool missesLights() const { return missesLights_; }
+
   // Fills `irradiance` of each path, sixteen at a time.
   void gather(std::span<GatherPath> paths) const;
 
@@ -50,8 +54,11 @@ class PathGatherer {
   const FacetSet& facets_;
   const Scene& scene_;
   const LampPlan& plan_;
-  std::optional<PlanarMirrors> mirrors_;  // where they show images of lamps
-  std::vector<Lamp> lamps_;               // and these images
+  std::optional<PlanarMirrors> mirrors_;  // where they show images
+  std::vector<Lamp> lamps_;               // and their images
+  std::vector<PunctualLight> lights_;     // and their images
+  bool imagesOfLamps_ = false;            // are all among the lamps
+  bool missesLights_ = false;
   Rgb sky_;
   HitPatches hitPatches_;
   std::optional<HitPatches> knownPatches_;

@@ -160,6 +160,32 @@ TEST(GatheringReference, AimsAtLampsInMirrors) {
   EXPECT_LT(gathered.of("z0").second, 0.001 * exact);
 }
 
+// The same of a punctual light; through glass it finds none, and says so.
+TEST(GatheringReference, AimsAtPunctualLightsInMirrors) {
+  auto room = closedBox({2, 2, 2}, Rgb(0));
+  room[0].mirror = Rgb(0.75);
+  const PunctualLight light{.name = "light", .position = {0.5, 1, 1.5}, .intensity = Rgb(10)};
+  double exact = 0;
+  constexpr int kPoints = 200;
+  for (int i = 0; i < kPoints; ++i) {
+    for (int j = 0; j < kPoints; ++j) {
+      const Vec3 p(2 * (i + 0.5) / kPoints, 2 * (j + 0.5) / kPoints, 0);
+      for (const double side : {1.0, -1.0}) {
+        const Vec3 d = Vec3(side * 0.5, 1, 1.5) - p;
+        exact += (side > 0 ? 1 : 0.75) * 10 * d.z / std::pow(glm::length(d), 3) / (kPoints * kPoints);
+      }
+    }
+  }
+  const Gathered gathered(room, Rgb(0), 600, 0.5, {light});
+  gathered.expect("z0", exact);
+  const auto misses = [&](const Gathered& g) { return PathGatherer(g.tracer, g.facets, g.patches, g.scene, g.lamps, Rgb(0), {}).missesLights(); };
+  EXPECT_FALSE(misses(gathered));
+  room[0].mirror = Rgb(0);
+  room[0].transmission = Rgb(0.5);
+  EXPECT_TRUE(misses(Gathered(room, Rgb(0), 10, 0.01, {light})));
+  EXPECT_FALSE(misses(Gathered(room, Rgb(0), 10, 0.01)));
+}
+
 TEST(GatheringReference, ComesThroughMirrorsAndGlass) {
   auto mirror = surfacesOf("C1a");
   for (TestSurface& s : mirror) s.emission = Rgb(s.name == "2" ? 7.0 : 0.0);

@@ -15,13 +15,13 @@ namespace farol::test {
 namespace {
 
 struct Followed {
-  Followed(const std::vector<TestSurface>& surfaces, const PatchOptions& patches, size_t rays, uint64_t seed = 1)
+  Followed(const std::vector<TestSurface>& surfaces, const PatchOptions& patches, size_t rays, uint64_t seed = 1, const std::vector<PunctualLight>& lights = {})
       : run(loadSurfaces(surfaces), patches, {}), tree(run.tracer, run.facets, run.patches, {}) {
     std::vector<uint8_t> apart(run.patches.size());
     for (size_t i = 0; i < apart.size(); ++i) apart[i] = run.patches.patches[i].emits() && surfaceNameOf(run.scene, run.patches.patches[i]) != "glow" ? 1 : 0;
     const ExposedArea cover = findExposedArea(run.tracer, run.facets, run.patches, 1024, 1);
     exposed.assign(cover.share.begin(), cover.share.end());
-    light = traceSpecularLight(run.tracer, run.facets, run.patches, tree, apart, exposed, rays, seed, [&](double share) {
+    light = traceSpecularLight(run.tracer, run.facets, run.patches, tree, apart, lights, exposed, rays, seed, [&](double share) {
       EXPECT_GT(share, done);
       done = share;
     });
@@ -163,6 +163,50 @@ TEST(SpecularLight, IsTheSameOnOneThreadAndOnTwo) {
   const Followed alone(underAMirror(), {100, 0}, 1u << 15);
   EXPECT_EQ(two.light.irradiance, alone.light.irradiance);
   EXPECT_EQ(two.light.deviation, alone.light.deviation);
+}
+
+// A mirror, 2 high, throws light of each kind on the floor before it: as much as its image does.
+TEST(SpecularLight, StartsFromPunctualLightsToo) {
+  const std::vector<TestSurface> surfaces = {{"floor", {{{0, 0, 0}, {4, 0, 0}, {4, 3, 0}, {0, 3, 0}}}, Rgb(0)},
+                                             {"wall", {{{0, 0, 0}, {0, 3, 0}, {0, 3, 2}, {0, 0, 2}}}, Rgb(0), Rgb(0), false, Rgb(0.9, 0.6, 0.3)}};
+  const PunctualLight point{.name = "point", .position = {1.5, 1.2, 1.4}, .intensity = Rgb(10, 20, 30)};
+  const PunctualLight spot{.name = "spot", .kind = PunctualLight::Kind::spot, .position = {2, 1.5, 1.8}, .direction = glm::normalize(Vec3(-2, 0, -1.2)), .intensity = Rgb(100), .innerCone = 0.1, .outerCone = 0.5};
+  const PunctualLight sun{.name = "sun", .kind = PunctualLight::Kind::directional, .direction = {-0.6, 0, -0.8}, .intensity = Rgb(5)};
+  Rgb all(0);
+  for (const PunctualLight& light : {point, spot, sun}) {
+    const Followed followed(surfaces, {100, 0}, 1u << 18, 1, {light});
+    const PlanarMirrors mirrors(followed.run.facets, followed.run.patches);
+    const auto images = lightImages(std::span(&light, 1), followed.run.facets.frame, mirrors, {});
+    ASSERT_TRUE(images);
+    const DirectLight direct = DirectIrradiance(followed.run.tracer, followed.run.facets, followed.run.patches, {}, *images, {1024, 1, &mirrors}).compute(followed.exposed);
+    Rgb flux(0);
+    for (const uint32_t i : followed.run.patchesOf("floor")) flux += followed.run.patches.patches[i].area * direct.irradiance[i];
+    for (int c = 0; c < 3; ++c) EXPECT_NEAR(followed.fluxOf("floor")[c], flux[c], 0.005 * flux[c]) << light.name;
+    EXPECT_EQ(followed.fluxOf("wall"), Rgb(0)) << "what arrives straight is not counted";
+    all += followed.fluxOf("floor");
+  }
+  const Followed together(surfaces, {100, 0}, 1u << 20, 1, {point, spot, sun});
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(together.fluxOf("floor")[c], all[c], 0.005 * all[c]);
+  PunctualLight weak = point;
+  weak.range = 1.4;  // the wall is 1.5 away
+  EXPECT_EQ(Followed(surfaces, {100, 0}, 1u << 12, 1, {weak}).fluxOf("floor"), Rgb(0));
+}
+
+// The sun straight down through a plate of glass: (1 - R) / (1 + R) of it passes, where R is 0.04.
+TEST(SpecularLight, OfTheSunPassesAPlate) {
+  std::vector<TestSurface> surfaces = {{"floor", {{{-2, -2, 0}, {3, -2, 0}, {3, 3, 0}, {-2, 3, 0}}}, Rgb(0)}};
+  for (TestSurface s : closedBox({1, 1, 0.2})) {
+    std::reverse(s.polygons[0].begin(), s.polygons[0].end());
+    for (Vec3& v : s.polygons[0]) v.z += 1;
+    s.name = "plate " + s.name;
+    s.reflectance = Rgb(0);
+    s.transmission = Rgb(1);
+    s.solid = true;
+    surfaces.push_back(s);
+  }
+  const PunctualLight sun{.name = "sun", .kind = PunctualLight::Kind::directional, .direction = {0, 0, -1}, .intensity = Rgb(3)};
+  const Followed plate(surfaces, {100, 0}, 1u << 18, 1, {sun});
+  EXPECT_NEAR(plate.fluxOf("floor").r, 3 * 0.96 / 1.04, 0.01 * 3);
 }
 
 }  // namespace

@@ -182,6 +182,40 @@ TEST_F(Mirrors, ShowSensorsWhatTheyReflect) {
   for (size_t k = 1; k < lines.size(); ++k) EXPECT_NEAR(std::stod(lines[k].at(6)), 2, 0.01);
 }
 
+// A candle of 10 candela in a room of black walls: a sensor on its floor reads the light and its image, the patches get all that
+// walls and mirror do, and energy is kept. Through glass it is followed, which patches have and sensors have not.
+TEST_F(Mirrors, ShowPunctualLights) {
+  auto room = closedBox({2, 3, 2.5}, Rgb(0));
+  room[0].mirror = Rgb(0.8);
+  const auto write = [&] {
+    json j = gltfOf(room);
+    j["extensionsUsed"] = {"KHR_lights_punctual"};
+    j["extensions"]["KHR_lights_punctual"]["lights"] = {{{"type", "point"}, {"intensity", 10}}};
+    j["nodes"].push_back({{"translation", {0.5, 1.5, 1.5}}, {"extensions", {{"KHR_lights_punctual", {{"light", 0}}}}}});
+    j["scenes"][0]["nodes"].push_back(j["nodes"].size() - 1);
+    writeText(path("room.gltf"), j.dump());
+  };
+  write();
+  writeText(path("s.csv"), "1.2,1,0,0,0,1\n");
+  const auto at = [](double side) {
+    const Vec3 d = Vec3(side * 0.5, 1.5, 1.5) - Vec3(1.2, 1, 0);
+    return 10 * d.z / std::pow(glm::length(d), 3);
+  };
+  solve("--patches 400 --rays 1024 --sensors " + path("s.csv"));
+  EXPECT_NEAR(std::stod(readCsv(path("s.out.csv")).at(1).at(6)), at(1) + 0.8 * at(-1), 1e-3);
+  EXPECT_NEAR(report()["energy"]["from_punctual_lights"][0].get<double>(), 40 * kPi, 0.05) << "all that the candle sends, once";
+  EXPECT_LT(report()["energy"]["relative_error"], 1e-4);
+
+  // The mirror behind a pane that takes no light away and does not bend it: images end, and light is followed.
+  const double images = solve("--patches 400 --rays 1024").mean;
+  room.push_back({"pane", {{{1.9, 2.9, 2.3}, {1.95, 2.9, 2.3}, {1.95, 2.95, 2.3}, {1.9, 2.95, 2.3}}}, Rgb(0), Rgb(0), true, Rgb(0), Rgb(1), 1});
+  write();
+  EXPECT_NEAR(solve("--patches 400 --rays 1024").mean, images, 0.003 * images);
+  const Outcome o = farol("solve " + path("room.gltf") + " --patches 100 --sensors " + path("s.csv") + " --patches-csv " + path("p.csv"));
+  EXPECT_EQ(o.exitCode, 0) << o.err;
+  EXPECT_THAT(o.err, HasSubstr("[sensors-and-punctual-lights]"));
+}
+
 TEST_F(Mirrors, AreDrawnInEverySuppliedScene) {
   for (const char* scene : {"mirror_room", "light_pipe", "glass_block", "facing_mirrors"}) {
     const Outcome o = farol(fmt::format("render {}/mirrors_and_glass/{}.gltf --patches 300 --rays 256 --size 64x48 -o {}",
