@@ -211,6 +211,8 @@ TEST_F(Mirrors, ShowPunctualLights) {
   room.push_back({"pane", {{{1.9, 2.9, 2.3}, {1.95, 2.9, 2.3}, {1.95, 2.95, 2.3}, {1.9, 2.95, 2.3}}}, Rgb(0), Rgb(0), true, Rgb(0), Rgb(1), 1});
   write();
   EXPECT_NEAR(solve("--patches 400 --rays 1024").mean, images, 0.003 * images);
+  EXPECT_NEAR(report()["energy"]["from_punctual_lights"][0].get<double>(), 40 * kPi, 0.5);
+  EXPECT_LT(report()["energy"]["relative_error"], 0.002);
   const Outcome o = farol("solve " + path("room.gltf") + " --patches 100 --sensors " + path("s.csv") + " --patches-csv " + path("p.csv"));
   EXPECT_EQ(o.exitCode, 0) << o.err;
   EXPECT_THAT(o.err, HasSubstr("[sensors-and-punctual-lights]"));
