@@ -114,9 +114,6 @@ void FormFactorMatrix::hits(uint32_t patch, std::span<const uint32_t> ids, float
   row.weight = weight;
 }
 
-// A list takes twice the bytes of dense entries, and a random access for each.
-constexpr size_t kWorthEntries = 3;
-
 void FormFactorMatrix::finish(uint32_t patch, const RowShares& shares) {
   shares_[patch] = shares;
   if (!rows_[patch].dense.empty()) pack(rows_[patch]);
@@ -126,7 +123,7 @@ void FormFactorMatrix::finish(uint32_t patch, const RowShares& shares) {
 void FormFactorMatrix::pack(Row& row) {
   const size_t n = row.dense.size();
   const size_t filled = n - static_cast<size_t>(std::count(row.dense.begin(), row.dense.end(), 0.0f));
-  if (kWorthEntries * filled <= n) {
+  if (worthAList(filled)) {
     std::vector<uint32_t> ids;
     std::vector<float> values;
     ids.reserve(filled);
@@ -158,8 +155,9 @@ double FormFactorMatrix::packingError() const {
   return most;
 }
 
+// A list takes twice the bytes of dense entries, four times those of 16 bits, and a random access for each.
 bool FormFactorMatrix::worthAList(size_t entries) const {
-  return kWorthEntries * entries <= rows_.size();
+  return (storage_ == Storage::bits16 ? 3 : 2) * entries <= rows_.size();
 }
 
 void FormFactorMatrix::entries(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values) {

@@ -74,7 +74,7 @@ struct FormFactorRow {
 
 enum class Storage { float32, bits16 };  // of dense rows
 
-// F [rows x columns], a row dense or, where less than a third of it is filled, as a list; rows are allocated when first
+// F [rows x columns], a row dense or, where less than half of it is filled (with 16 bits: a third), as a list; rows are allocated when first
 // asked for, and packed when finished. Throws Error when they would need more than `maxBytes`.
 class FormFactorMatrix : public RowStore {
  public:

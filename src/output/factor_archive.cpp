@@ -407,8 +407,7 @@ void FactorArchive::loadRows(FormFactorMatrix& to, int c, const std::string& pre
       throw Error("{}: row {} has {} entries of at most {}", a.path, rows[k], count, patches);
   }
 
-  // Rows stay lists, and where they lie in the file, up to the length at which a dense row takes no more bytes: to copy one,
-  // into pages that are new, takes as long as some sweeps.
+  // Rows that stay lists stay where they lie in the file.
   std::span<const uint32_t> ids;
   if (wide) {
     const auto wideIds = a.valuesOf<int64_t>(indices, "<i8", entries);
@@ -426,7 +425,7 @@ void FactorArchive::loadRows(FormFactorMatrix& to, int c, const std::string& pre
     const auto rowIds = ids.subspan(at, length);
     const auto rowValues = values.subspan(at, length);
     if (!ascending(rowIds, patches) || !possible(rowValues)) throw Error("{}: row {} has an entry outside the matrix or outside [0, {}]", a.path, rows[k], kMostFactor);
-    if (2 * length <= patches)
+    if (f.worthAList(length))
       f.borrow(rows[k], rowIds, rowValues, owner);
     else
       f.entries(rows[k], rowIds, rowValues);

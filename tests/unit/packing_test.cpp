@@ -3,6 +3,7 @@
 
 #include "given_system.h"
 
+#include <array>
 #include <gtest/gtest.h>
 #include <numeric>
 
@@ -76,7 +77,22 @@ TEST(Storage, In16BitsMovesTheSolutionByLessThanItTells) {
   }
 }
 
-// Rows filled by less than a third become lists, whatever the storage.
+// Rows filled by less than half become lists, where dense ones take 16 bits by less than a third.
+TEST(Storage, TakesTheShorterOfListsAndDenseRows) {
+  constexpr uint32_t n = 300;
+  for (const Storage storage : {Storage::float32, Storage::bits16}) {
+    FormFactorMatrix f(n, UINT64_MAX, storage);
+    const std::array<uint32_t, 4> filled{90, 120, 149, 160};
+    for (uint32_t i = 0; i < filled.size(); ++i) {
+      for (uint32_t j = 0; j < filled[i]; ++j) f.row(i)[j] = 0.005f;
+      f.finish(i, {});
+    }
+    EXPECT_EQ(f.denseRows(), storage == Storage::float32 ? 1u : 0u);
+    EXPECT_EQ(f.packedRows(), storage == Storage::float32 ? 0u : 3u);
+  }
+}
+
+// Rows filled by a tenth become lists, whatever the storage.
 TEST(Storage, KeepsSparseRowsAsLists) {
   constexpr uint32_t n = 300;
   for (const Storage storage : {Storage::float32, Storage::bits16}) {
