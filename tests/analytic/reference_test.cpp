@@ -26,7 +26,7 @@ struct Gathered {
     const PatchSet* set = &patches;
     truth = gatherIrradiance(gatherer, tracer, facets, std::span(&set, 1), seconds, 5, [](double) {})[0];
   }
-  // Mean over a surface, and its standard error.
+  // Mean over a surface, and its standard error: from the halves' difference in each of its patches, so that it wants many.
   std::pair<double, double> of(const std::string& surface) const {
     double sum = 0, variance = 0, area = 0;
     for (size_t i = 0; i < patches.size(); ++i) {
@@ -72,7 +72,7 @@ TEST(GatheringReference, DirectLightIsTheFormFactor) {
   // The same as a lamp apart: a small part of a larger scene.
   std::vector<TestSurface> apart = plates;
   apart.push_back({"ground", {{{20, 20, 0}, {40, 20, 0}, {40, 40, 0}, {20, 40, 0}}}, Rgb(0)});
-  const Gathered withLamp(apart, Rgb(0), 600);
+  const Gathered withLamp(apart, Rgb(0), 6000);
   EXPECT_EQ(withLamp.lamps.lamps.size(), 1u);
   withLamp.expect("1", 5 * kF);
 }
@@ -97,7 +97,7 @@ TEST(GatheringReference, ChoosesAmongLampsWithoutBias) {
     }
   }
   room.push_back({"away", {{{0.4, 0.4, 3}, {0.6, 0.4, 3}, {0.6, 0.6, 3}, {0.4, 0.6, 3}}}, Rgb(0), Rgb(1000)});
-  const Gathered gathered(room, Rgb(0), 2000, 1);
+  const Gathered gathered(room, Rgb(0), 12000, 1);
   EXPECT_EQ(gathered.lamps.lamps.size(), 4u);
   gathered.expect("floor", exact);
 }
