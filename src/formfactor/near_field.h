@@ -19,7 +19,9 @@ class UnoccludedFactor {
   double from(std::span<const Position> points, uint32_t i, uint32_t j) const;  // from points of patch i
 
   bool faceEachOther(uint32_t i, uint32_t j) const;
-  double fromCentre(uint32_t i, uint32_t j) const;  // from the centre of patch i; within 5 % beyond three sizes of j
+  // From the centre of patch i. Beyond three sizes of j by the kernel between the centres: squares that face each other are off
+  // by 4 % there, and less beyond; of what only reaches above i's plane nothing counts. Tells what is near, not what F is.
+  double fromCentre(uint32_t i, uint32_t j) const;
   const std::vector<Vec3>& centres() const { return centres_; }  // [unit coordinates]
   const std::vector<double>& sizes() const { return sizes_; }    // roots of the areas [unit coordinates]
 

@@ -6,9 +6,9 @@
 namespace farol {
 namespace {
 
-// The factor to a patch of an area that faces one straight.
+// The factor to a small patch of an area that faces one straight.
 double straight(double area, double squaredDistance) {
-  return area / (kPi * squaredDistance + area);
+  return area < kPi * squaredDistance ? area / (kPi * squaredDistance) : 1;
 }
 
 }  // namespace
