@@ -1,7 +1,6 @@
 #include "formfactor/near_field.h"
 
 #include "formfactor/analytic.h"
-#include "formfactor/rays.h"
 
 #include <algorithm>
 #include <array>

@@ -2,7 +2,7 @@
 
 #include "formfactor/analytic.h"
 #include "formfactor/error_model.h"
-#include "formfactor/rays.h"
+#include "formfactor/tile_rays.h"
 #include "patch/positions.h"
 #include "trace/cover.h"
 

@@ -1,6 +1,6 @@
 #include "solve/sensors.h"
 
-#include "formfactor/rays.h"
+#include "formfactor/tile_rays.h"
 
 #include <tbb/parallel_for.h>
 

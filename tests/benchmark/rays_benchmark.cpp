@@ -63,7 +63,7 @@ void bareLoop(benchmark::State& state) {
   const SampleTable table(k, options.seed);
   std::vector<RayPacket> packets;
   for (const uint32_t& patch : wanted) {
-    TileRays rays(box.facets, box.patches, table, options, std::span(&patch, 1));
+    TileRays rays(box.facets, box.patches, table, options.spread, options.seed, std::span(&patch, 1));
     std::array<uint32_t, kPacketSize> member{};
     RayPacket packet;
     while (rays.next(packet, member) > 0) packets.push_back(packet);
