@@ -25,6 +25,15 @@ class Mirrors : public ::testing::Test {
   }
   std::string path(const std::string& name) const { return folder_.path(name); }
   void write() const { writeText(path("room.gltf"), gltfOf(room_).dump()); }
+  // With a point light of 10 candela.
+  void writeWithCandle(const std::vector<TestSurface>& room) const {
+    json j = gltfOf(room);
+    j["extensionsUsed"] = {"KHR_lights_punctual"};
+    j["extensions"]["KHR_lights_punctual"]["lights"] = {{{"type", "point"}, {"intensity", 10}}};
+    j["nodes"].push_back({{"translation", {0.5, 1.5, 1.5}}, {"extensions", {{"KHR_lights_punctual", {{"light", 0}}}}}});
+    j["scenes"][0]["nodes"].push_back(j["nodes"].size() - 1);
+    writeText(path("room.gltf"), j.dump());
+  }
   // Area-weighted mean and rms of a column, and the whole column.
   struct Column {
     std::vector<double> values;
@@ -182,20 +191,36 @@ TEST_F(Mirrors, ShowSensorsWhatTheyReflect) {
   for (size_t k = 1; k < lines.size(); ++k) EXPECT_NEAR(std::stod(lines[k].at(6)), 2, 0.01);
 }
 
+// A lamp apart reaches a sensor straight by shadow rays, and over a mirror by rays that meet it: once each.
+TEST_F(Mirrors, ShowSensorsALampOnce) {
+  auto room = closedBox({2, 3, 2.5}, Rgb(0));
+  room[0].mirror = Rgb(0.8);
+  constexpr double kLow = 1.3, kSide = 0.4, kHeight = 2.2, kEmission = 50;
+  room.push_back({"lamp", {{{0.3, kLow, kHeight}, {0.3, kLow + kSide, kHeight}, {0.3 + kSide, kLow + kSide, kHeight}, {0.3 + kSide, kLow, kHeight}}}, Rgb(0), Rgb(kEmission)});
+  writeText(path("room.gltf"), gltfOf(room).dump());
+  writeText(path("s.csv"), "0.4,1.4,0,0,0,1\n");
+  solve("--patches 300 --rays 1024 --sensors " + path("s.csv"));
+  double exact = 0;
+  constexpr int kPoints = 100;
+  for (int i = 0; i < kPoints; ++i) {
+    for (int j = 0; j < kPoints; ++j) {
+      for (const double side : {1.0, -1.0}) {
+        const Vec3 d = Vec3(side * (0.3 + kSide * (i + 0.5) / kPoints), kLow + kSide * (j + 0.5) / kPoints, kHeight) - Vec3(0.4, 1.4, 0);
+        exact += (side > 0 ? 1 : 0.8) * kEmission * kSide * kSide / (kPoints * kPoints) * d.z * d.z / (kPi * std::pow(glm::dot(d, d), 2));
+      }
+    }
+  }
+  const auto reading = readCsv(path("s.out.csv")).at(1);
+  EXPECT_NEAR(std::stod(reading.at(6)), exact, 0.03 * exact);
+  EXPECT_NEAR(std::stod(reading.at(6)), exact, 4 * std::stod(reading.at(9)));
+}
+
 // A candle of 10 candela in a room of black walls: a sensor on its floor reads the light and its image, the patches get all that
 // walls and mirror do, and energy is kept. Through glass it is followed, which patches have and sensors have not.
 TEST_F(Mirrors, ShowPunctualLights) {
   auto room = closedBox({2, 3, 2.5}, Rgb(0));
   room[0].mirror = Rgb(0.8);
-  const auto write = [&] {
-    json j = gltfOf(room);
-    j["extensionsUsed"] = {"KHR_lights_punctual"};
-    j["extensions"]["KHR_lights_punctual"]["lights"] = {{{"type", "point"}, {"intensity", 10}}};
-    j["nodes"].push_back({{"translation", {0.5, 1.5, 1.5}}, {"extensions", {{"KHR_lights_punctual", {{"light", 0}}}}}});
-    j["scenes"][0]["nodes"].push_back(j["nodes"].size() - 1);
-    writeText(path("room.gltf"), j.dump());
-  };
-  write();
+  writeWithCandle(room);
   writeText(path("s.csv"), "1.2,1,0,0,0,1\n");
   const auto at = [](double side) {
     const Vec3 d = Vec3(side * 0.5, 1.5, 1.5) - Vec3(1.2, 1, 0);
@@ -209,13 +234,24 @@ TEST_F(Mirrors, ShowPunctualLights) {
   // The mirror behind a pane that takes no light away and does not bend it: images end, and light is followed.
   const double images = solve("--patches 400 --rays 1024").mean;
   room.push_back({"pane", {{{1.9, 2.9, 2.3}, {1.95, 2.9, 2.3}, {1.95, 2.95, 2.3}, {1.9, 2.95, 2.3}}}, Rgb(0), Rgb(0), true, Rgb(0), Rgb(1), 1});
-  write();
+  writeWithCandle(room);
   EXPECT_NEAR(solve("--patches 400 --rays 1024").mean, images, 0.003 * images);
   EXPECT_NEAR(report()["energy"]["from_punctual_lights"][0].get<double>(), 40 * kPi, 0.5);
   EXPECT_LT(report()["energy"]["relative_error"], 0.002);
   const Outcome o = farol("solve " + path("room.gltf") + " --patches 100 --sensors " + path("s.csv") + " --patches-csv " + path("p.csv"));
   EXPECT_EQ(o.exitCode, 0) << o.err;
   EXPECT_THAT(o.err, HasSubstr("[sensors-and-punctual-lights]"));
+}
+
+// Mirrors that face each other have 80 images of a candle: more than shadow rays, and it is followed; fewer, and they shine.
+TEST_F(Mirrors, ShowPunctualLightsManyTimes) {
+  auto room = closedBox({2, 3, 2.5}, Rgb(0));
+  room[0].mirror = room[1].mirror = Rgb(0.8);
+  ASSERT_EQ(room[1].name, "x1");
+  writeWithCandle(room);
+  const double followed = solve("--patches 400 --rays 256 --shadow-rays 64").mean, images = solve("--patches 400 --rays 256 --shadow-rays 256").mean;
+  EXPECT_NEAR(followed, images, 0.005 * images);
+  EXPECT_NEAR(report()["energy"]["from_punctual_lights"][0].get<double>(), 40 * kPi, 0.005 * 40 * kPi);
 }
 
 TEST_F(Mirrors, AreDrawnInEverySuppliedScene) {
