@@ -183,7 +183,8 @@ TEST(GatheringReference, AimsAtPunctualLightsInMirrors) {
   room[0].mirror = Rgb(0);
   room[0].transmission = Rgb(0.5);
   EXPECT_TRUE(misses(Gathered(room, Rgb(0), 10, 0.01, {light})));
-  EXPECT_FALSE(misses(Gathered(room, Rgb(0), 10, 0.01)));
+  room.push_back({"lamp", {{{0.4, 0.9, 1.9}, {0.4, 1.1, 1.9}, {0.6, 1.1, 1.9}, {0.6, 0.9, 1.9}}}, Rgb(0), Rgb(100)});
+  EXPECT_FALSE(misses(Gathered(room, Rgb(0), 10, 0.01))) << "no light at all";
 }
 
 TEST(GatheringReference, ComesThroughMirrorsAndGlass) {

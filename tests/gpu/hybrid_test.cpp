@@ -123,5 +123,19 @@ TEST(Hybrid, AgreesWithRaysWithTheNearFieldOn) {
   EXPECT_GT(c.withinEstimate, 0.95);
 }
 
+// Pixels much larger than patches: the near field finds patches of a mirror that no pixel shows, and nothing goes on from there.
+TEST(Hybrid, AccountsForMirrorsThatNoPixelShows) {
+  const Scene scene = loadSurfaces(mirrorRoom(0.9));
+  RayRun rays(scene, {1500, 0}, {});
+  RasterOptions few;
+  few.resolution = 8;
+  HybridRun hybrid(scene, {1500, 0}, few);
+  const ExposedArea exposed = findExposedArea(rays.tracer, hybrid.facets, hybrid.patches, 64, 1);
+  const NearField nearField(rays.tracer, hybrid.facets, hybrid.patches, exposed, 1);
+  hybrid.options.nearField = &nearField;
+  hybrid.makeAll();
+  expectAccounted(hybrid, "few pixels");
+}
+
 }  // namespace
 }  // namespace farol::test
