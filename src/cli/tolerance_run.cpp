@@ -140,12 +140,16 @@ void choosePlan(RunState& run) {
   for (const Choice& c : run.plan->choices) run.say("  {}: {} ({})", c.what, c.value, c.why);
 }
 
-// Chooses, solves, and refines where the estimate of what was reached says so.
+// Chooses, solves, and refines where the estimate of what was reached says so. What patches cost is told by joining them: where
+// smaller ones cost more than larger ones foretold, as with gaps that are much thinner than they, there may be more that joining
+// does not see yet, and a tolerance that is just met is not believed.
 void meetTolerance(RunState& run) {
   constexpr int kRounds = 4;
+  constexpr double kGrew = 1.4, kBelieved = 0.85;  // times what was expected; of the tolerance
   const Stopwatch watch;
   choosePlan(run);
   ErrorParts found;
+  double expected = run.plan->predicted.patches;
   for (int round = 0;; ++round) {
     makeFactors(run);
     if (round == 0) chooseSolvePlace(run);
@@ -153,7 +157,11 @@ void meetTolerance(RunState& run) {
     found = errorParts(run);
     run.report.estimatedError = found.total();
     run.report.clock.finish("errors");
-    if (found.total() <= run.options.tolerance || round + 1 == kRounds || !run.plan->limitedBy.empty()) break;
+    const bool grew = found.patches > kGrew * expected && found.patches > 0.5 * run.options.tolerance;
+    const bool met = found.total() <= (grew ? kBelieved : 1) * run.options.tolerance;
+    if (met || round + 1 == kRounds || !run.plan->limitedBy.empty()) break;
+    expected = found.patches;
+    const auto limitedBy = [&](const char* what) { run.plan->limitedBy = found.total() > run.options.tolerance ? what : ""; };
     const TolerancePlan next = refined(*run.plan, run.options, run.facets, found);
     const bool changed = next.size.size != run.plan->size.size || next.adapt != run.plan->adapt ||
                          next.setting.spec.rays != run.plan->setting.spec.rays ||
@@ -161,17 +169,17 @@ void meetTolerance(RunState& run) {
                          next.setting.spec.positions != run.plan->setting.spec.positions ||
                          next.setting.shadowRays != run.plan->setting.shadowRays;
     if (!changed) {
-      run.plan->limitedBy = "the options given";
+      limitedBy("the options given");
       break;
     }
     if (run.options.time > 0 && 2 * watch.seconds() > run.options.time) {
-      run.plan->limitedBy = "time";
+      limitedBy("time");
       break;
     }
     run.say("refined: the error is estimated as {:.2g} % (patches {:.2g}, rows {:.2g}, light {:.2g})",
             100 * found.total(), 100 * found.patches, 100 * found.rows, 100 * found.light);
     if (!applyRefined(run, next)) {
-      run.plan->limitedBy = "memory";
+      limitedBy("memory");
       break;
     }
     run.report.checks.reset();
