@@ -9,6 +9,7 @@ struct PathGatherer::Lane {
   uint64_t random = 0;
   uint32_t used = 0;  // of the path's numbers
   uint32_t depth = 0;
+  bool last = false;  // light here ends the path
   Rgb weight{1};
   double offset = kRayOffset;  // of rays from the point
   Vec3 point{0}, normal{0}, direction{0};
@@ -77,9 +78,13 @@ PathGatherer::PathGatherer(const Tracer& tracer, const FacetSet& facets, const P
   }
 }
 
-void PathGatherer::endWith(const PatchSet& patches, std::span<const Rgb> irradiance) {
+void PathGatherer::endWith(const PatchSet& patches, std::span<const Rgb> irradiance, const std::vector<double>& exposed) {
+  constexpr uint32_t kShadowRays = 128;
   knownPatches_.emplace(facets_, patches);
-  known_ = irradiance;
+  known_.assign(irradiance.begin(), irradiance.end());
+  if (lamps_.empty() && lights_.empty()) return;
+  const DirectLight direct = DirectIrradiance(tracer_, facets_, patches, lamps_, lights_, {kShadowRays, 1, mirrors_ ? &*mirrors_ : nullptr}).compute(exposed);
+  for (size_t i = 0; i < known_.size(); ++i) known_[i] -= direct.irradiance[i];
 }
 
 Optics PathGatherer::opticsAt(uint32_t facet, double u, double v) const {
@@ -102,13 +107,13 @@ void PathGatherer::start(GatherPath& path, Lane& lane) const {
   lane.setDirection(a, b);
 }
 
-// Where a path starts, by about what each lamp brings there unless something is in between: never 0 for one that may bring
-// something. Further on by their power. `s`, a number in [0,1), is used up and made anew. All lamps: none brings anything.
+// Where a path starts, and where final gathering ends it, by about what each lamp brings there unless something is in between:
+// never 0 for one that may bring something. Elsewhere by their power. `s`, a number in [0,1), is used up and made anew. All lamps: none brings anything.
 std::pair<size_t, double> PathGatherer::chooseLamp(const Lane& lane, double& s) const {
   const size_t count = lamps_.size();
   std::span<const double> sums = lampChance_;  // cumulative
   thread_local std::vector<double> here;
-  if (lane.depth == 0 && count > 1) {
+  if ((lane.depth == 0 || lane.last) && count > 1) {
     here.resize(count);
     double sum = 0;
     for (size_t l = 0; l < count; ++l) {
@@ -213,7 +218,7 @@ void PathGatherer::meet(const HitPacket& hits, const RayPacket& rays, uint32_t k
   if (knownPatches_) {
     const uint32_t known = knownPatches_->at(next.facet, next.back, next.u, next.v);
     if (known != kNone) sum += lane.weight * known_[known];
-    return end();
+    lane.last = true;
   }
   if (maxChannel(lane.weight) <= 0) return end();
   constexpr uint32_t kSure = 2;
@@ -259,6 +264,9 @@ void PathGatherer::gather(std::span<GatherPath> paths) const {
     if (busy == 0) return;
     if (!lampChance_.empty()) addLight(toLamps, busy);
     if (!lights_.empty()) addLight(toPunctual, busy);
+    for (uint32_t k = 0; k < busy; ++k) {
+      if (lanes[k].last) lanes[k] = {};
+    }
     tracer_.intersect(rays, busy, hits);
     for (uint32_t k = 0; k < busy; ++k) {
       if (lanes[k].path != nullptr) meet(hits, rays, k, lanes[k]);

@@ -29,10 +29,11 @@ class PathGatherer {
   PathGatherer(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, const Scene& scene,
                const LampPlan& lamps, const Rgb& sky, const TreeLimits& limits);
 
-  // Final gathering: from here on paths end at the first surface that is met, in place of what follows with this irradiance H of
-  // the patch there. Far less noise, and what a good solution errs by reaches the start as a mean over all directions only. The
-  // references must outlive this.
-  void endWith(const PatchSet& patches, std::span<const Rgb> irradiance);
+  // Final gathering: from here on paths end at the first surface that is met: light of lamps is sampled there too, and in place
+  // of what follows comes what this irradiance H of the patch there has besides. Far less noise; what a good solution errs by
+  // reaches the start as a mean over all directions only, and shadows keep their edges within its patches. `exposed` as in
+  // RowShares, per patch. `patches` must outlive this.
+  void endWith(const PatchSet& patches, std::span<const Rgb> irradiance, const std::vector<double>& exposed);
 
   // Whether there are punctual lights whose way over mirrors and through glass is missing.
   bool missesLights() const { return missesLights_; }
@@ -62,7 +63,7 @@ class PathGatherer {
   Rgb sky_;
   HitPatches hitPatches_;
   std::optional<HitPatches> knownPatches_;
-  std::span<const Rgb> known_;
+  std::vector<Rgb> known_;  // [its patches] irradiance without that of lamps
   RayTree tree_;
   std::vector<double> lampChance_;   // by power, cumulative
   std::vector<uint8_t> varies_;      // [surfaces] optics depend on the place

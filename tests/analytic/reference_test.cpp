@@ -114,12 +114,56 @@ TEST(GatheringReference, FinalGatheringEndsAtTheFirstSurface) {
   for (const double h : {5.0, 1.0}) {
     const std::vector<Rgb> irradiance(known.size(), Rgb(h));
     PathGatherer gatherer(tracer, facets, patches, scene, lamps, Rgb(0), {});
-    gatherer.endWith(known, irradiance);
+    gatherer.endWith(known, irradiance, std::vector<double>(known.size(), 1.0));
     const GatheredIrradiance truth = gatherIrradiance(gatherer, tracer, facets, std::span(&set, 1), 0, 5, [](double) {})[0];
     for (const auto& half : truth.half) {
       for (const Rgb& value : half) EXPECT_NEAR(value.r, 1 + 0.8 * h, 1e-9);
     }
   }
+}
+
+// A plate under a blocker looks down at a floor half in its shadow. What is known has one patch for all of the floor; where paths
+// end direct light is sampled, so that the plate sees the shadow and not the mean.
+TEST(GatheringReference, FinalGatheringKeepsShadows) {
+  const auto square = [](double x, double y, double z, double side, bool up) {
+    std::vector<Vec3> corners = {{x, y, z}, {x + side, y, z}, {x + side, y + side, z}, {x, y + side, z}};
+    if (!up) std::reverse(corners.begin(), corners.end());
+    return std::vector<std::vector<Vec3>>{corners};
+  };
+  const std::vector<TestSurface> surfaces = {{"floor", square(-4, -4, 0, 8, true), Rgb(0.8)},
+                                             {"blocker", square(-4, -2, 1, 4, true), Rgb(0)},
+                                             {"plate", square(-1, -0.2, 0.5, 0.4, false), Rgb(0)},
+                                             {"lamp", square(-0.1, -0.1, 4, 0.2, false), Rgb(0), Rgb(1000)}};
+  Log log(true);
+  const Scene scene = loadSurfaces(surfaces);
+  const FacetSet facets = buildFacets(scene, log);
+  const PatchSet patches = buildPatches(scene, facets, {2000, 0}), known = buildPatches(scene, facets, {1, 0});
+  ASSERT_EQ(known.frontPatchCount, 4u);
+  const Tracer tracer(facets);
+  const LampPlan lamps = chooseLamps(facets, patches, {});
+  ASSERT_EQ(lamps.lamps.size(), 1u);
+  const std::vector<double> exposed(known.size(), 1.0);
+  const std::vector<Rgb> direct = DirectIrradiance(tracer, facets, known, lamps.lamps, {}, {128, 1}).compute(exposed).irradiance;
+  const PatchSet* set = &patches;
+  std::array<double, 2> seen{};
+  for (const bool finally : {false, true}) {
+    PathGatherer gatherer(tracer, facets, patches, scene, lamps, Rgb(0), {});
+    if (finally) gatherer.endWith(known, direct, exposed);
+    const GatheredIrradiance g = gatherIrradiance(gatherer, tracer, facets, std::span(&set, 1), 1.5, 5, [](double) {})[0];
+    double sum = 0, count = 0;
+    for (size_t i = 0; i < patches.size(); ++i) {
+      if (surfaceNameOf(scene, patches.patches[i]) != "plate") continue;
+      sum += 0.5 * (g.half[0][i].r + g.half[1][i].r);
+      ++count;
+    }
+    ASSERT_GT(count, 0);
+    seen[finally ? 1 : 0] = sum / count;
+  }
+  size_t floor = 0;
+  while (surfaceNameOf(scene, known.patches[floor]) != "floor") ++floor;
+  const double ofMean = 0.8 * direct[floor].r;
+  EXPECT_LT(seen[0], 0.6 * ofMean);
+  EXPECT_NEAR(seen[1], seen[0], 0.02 * seen[0]) << "a floor of even light would bring up to " << ofMean;
 }
 
 // Lux times cosine, and candela over distance squared times cosine; one of the two is behind the plate.

@@ -1,6 +1,6 @@
 // The error of H that a run of the program has reached, on the same patches (front sides). The reference is final gathering from
-// random points of every patch: direct light there by shadow rays, and one ray to what a much finer solution of the scene says
-// of the surface it meets. What that solution errs by reaches a patch as a mean over all directions; how far it does, gathering
+// random points of every patch: direct light there by shadow rays, and one ray to a surface, where direct light is sampled again
+// and a much finer solution of the scene says what else there is. What that solution errs by reaches a patch as a mean over all directions; how far it does, gathering
 // paths tell that follow light to its end, in means over surfaces (agreement).
 #pragma once
 
@@ -33,7 +33,9 @@ class Judge {
     setting.shadowRays = 128;
     constexpr size_t kPatches = 24000;
     fine_ = std::make_unique<SizedScene>(options_, scene_, facets_, PatchOptions{kPatches, 0});
-    known_ = fine_->solve(setting).lighting.solution.irradiance;
+    const Trial fine = fine_->solve(setting);
+    known_ = fine.lighting.solution.irradiance;
+    for (size_t i = 0; i < known_.size(); ++i) exposed_.push_back(fine.f.shares(i).exposed);
   }
 
   // Final gathering against gathering paths, so many seconds each: means over surfaces.
@@ -115,7 +117,7 @@ class Judge {
   GatheredIrradiance gather(const PatchSet& patches, double seconds, bool finally) const {
     const LampPlan lamps = chooseLamps(facets_, patches, {});
     PathGatherer gatherer(tracer_, facets_, patches, scene_, lamps, Rgb(0), {});
-    if (finally) gatherer.endWith(fine_->patches(), known_);
+    if (finally) gatherer.endWith(fine_->patches(), known_, exposed_);
     const PatchSet* set = &patches;
     return gatherIrradiance(gatherer, tracer_, facets_, std::span(&set, 1), seconds, 77, [](double) {})[0];
   }
@@ -127,6 +129,7 @@ class Judge {
   Tracer tracer_;
   std::unique_ptr<SizedScene> fine_;
   std::vector<Rgb> known_;  // H of its patches
+  std::vector<double> exposed_;
   std::map<std::string, std::unique_ptr<Known>> references_;
 };
 
