@@ -38,7 +38,7 @@ PatchSizeError gatheredPatchErrorOf(const FormFactorMatrix& f, const PatchSet& p
 double adaptedPatchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting, const Adapting& adapting) {
   const std::vector<uint32_t> joined = joinedSiblings(patches, facets, adapting.adapted.tree.levels());
   const double seen = joiningError(f, patches, lighting.direct, lighting.solution, joined).relative;
-  return seen > 0 ? seen / (std::pow(2, adapting.order) - 1) : adapting.adapted.error;
+  return seen > 0 ? std::sqrt(adapting.adapted.error * seen / (std::pow(2, adapting.order) - 1)) : adapting.adapted.error;
 }
 
 }  // namespace farol
