@@ -141,8 +141,8 @@ void choosePlan(RunState& run) {
 }
 
 // Chooses, solves, and refines where the estimate of what was reached says so. What patches cost is told by joining them: where
-// smaller ones cost more than larger ones foretold, as with gaps that are much thinner than they, there may be more that joining
-// does not see yet, and a tolerance that is just met is not believed.
+// smaller ones of one size cost more than larger ones foretold, as with gaps that are much thinner than they, there may be more
+// that joining does not see yet, and a tolerance that is just met is not believed.
 void meetTolerance(RunState& run) {
   constexpr int kRounds = 4;
   constexpr double kGrew = 1.4, kBelieved = 0.85;  // times what was expected; of the tolerance
@@ -157,7 +157,7 @@ void meetTolerance(RunState& run) {
     found = errorParts(run);
     run.report.estimatedError = found.total();
     run.report.clock.finish("errors");
-    const bool grew = found.patches > kGrew * expected && found.patches > 0.5 * run.options.tolerance;
+    const bool grew = !run.plan->adapted && found.patches > kGrew * expected && found.patches > 0.5 * run.options.tolerance;
     const bool met = found.total() <= (grew ? kBelieved : 1) * run.options.tolerance;
     if (met || round + 1 == kRounds || !run.plan->limitedBy.empty()) break;
     expected = found.patches;
