@@ -15,7 +15,7 @@ constexpr double kMargin = 0.78;
 // Errors fall with pixels to this power, and with rays from one power of two to the next: 0.65 to 0.74 in the
 // Cornell box and the L-shaped room of 800 to 8,000 patches.
 constexpr double kHemicubeOrder = 0.5, kRayOrder = 0.65;
-constexpr size_t kProbes = 384;
+constexpr size_t kProbes = 192;
 constexpr size_t kFewTried = 450, kMostTried = 12000;  // patches of a trial
 constexpr double kUsualTolerance = 0.05;  // that a trial of few patches and rays is for
 constexpr double kTight = 0.03;           // below it a trial is larger
@@ -59,7 +59,29 @@ void scaleSamples(MethodSpec& spec, double factor) {
 // What errors of rows fall with.
 double worthOf(const MethodSpec& spec) { return spec.kind == Kind::rays ? worthOf(spec.rays) : samplesOf(spec); }
 
+// Of the time or number of patches of one size: what patches of several sizes must stay below, and their trial.
+constexpr double kWorthAdapting = 0.7, kWorthATrial = 0.5;
+
+bool mayAdapt(const Options& o) {
+  return o.command != Command::factors && o.variants.empty() && !o.gave("--patches") && !o.gave("--patch-size");
+}
+
 bool wantsPicture(const Options& o) { return o.command == Command::render || !o.output.empty(); }
+
+Options adaptingOptions(const Options& given, const Setting& setting) {
+  constexpr double kShare = 0.65;  // of the error that patches cost: its square and the samples' are about alike
+  Options options = given;
+  options.patchSize = 0;
+  options.adapt = std::stod(fmt::format("{:.2g}", kShare * kMargin * given.tolerance));
+  options.residual = setting.residual;
+  return options;
+}
+
+bool isUsable(const Adapting& a, const Options& options, const Scene& scene, const FacetSet& facets) {
+  constexpr size_t kMostCells = size_t{1} << 23;  // the grid of the smallest patches is as large as that over all
+  const bool deep = buildPatches(scene, facets, a.size).size() << 2 * a.adapted.tree.levels() > kMostCells;
+  return !deep && a.adapted.error <= options.adapt && !(wantsPicture(options) && a.adapted.patches < kPicturePatches);
+}
 
 struct Costs {
   double perSample = 0, perShadowRay = 0, perEntry = 0;  // [s]
@@ -269,20 +291,15 @@ class Planner {
 
   // Patches as small as their light asks for, where they are predicted to cost so much less that a trial of them pays.
   void considerAdapting() {
-    constexpr double kWorthATrial = 0.4, kWorth = 0.7;  // [s]; of the time by patches of one size
-    constexpr double kShare = 0.65;  // of the error that patches cost: its square and the samples' are about alike
-    const bool free = options_.command != Command::factors && options_.variants.empty() && options_.patchSize == 0 && !fixedPatches() && cluster_ == 0;
     const bool limited = plan_.limitedBy == "memory" || plan_.limitedBy == "time";  // what was chosen does not meet the tolerance
-    const double most = limited ? allowedSeconds() : kWorth * plan_.seconds;
-    if (!free || (limited ? most : plan_.seconds) < kWorthATrial) return;
-    Options options = options_;
-    options.adapt = std::stod(fmt::format("{:.2g}", kShare * kMargin * tolerance_));
-    options.residual = plan_.setting.residual;
+    const double whole = limited ? allowedSeconds() : plan_.seconds, most = limited ? whole : kWorthAdapting * whole;
+    if (!mayAdapt(options_) || options_.patchSize > 0 || cluster_ > 0) return;
+    const Options options = adaptingOptions(options_, plan_.setting);
+    const AdaptTrial trial = adaptTrialOf(options, scene_, facets_, plan_.setting.spec);
+    if (trial.level == 0 || secondsFor(static_cast<double>(trial.patches), trial.setting) > kWorthATrial * whole) return;
     const Adapting a = adaptTo(options, scene_, facets_, plan_.setting.spec);
+    if (!isUsable(a, options, scene_, facets_)) return;
     const auto n = static_cast<double>(a.adapted.patches);
-    constexpr size_t kMostCells = size_t{1} << 23;  // the grid of the smallest patches is as large as that over all
-    const bool deep = buildPatches(scene_, facets_, a.size).size() << 2 * a.adapted.tree.levels() > kMostCells;
-    if (a.tried == 0 || deep || a.adapted.error > options.adapt || (wantsPicture(options_) && n < static_cast<double>(kPicturePatches))) return;
     Setting s = trialSetting_;
     s.residual = plan_.setting.residual;
     setSamples(s, std::sqrt(std::pow(kMargin * tolerance_, 2) - std::pow(options.adapt, 2) - s.residual * s.residual));
@@ -465,6 +482,19 @@ TolerancePlan refined(const TolerancePlan& plan, const Options& options, const F
     next.size.count = 0;
   }
   return next;
+}
+
+void adaptInstead(TolerancePlan& next, const TolerancePlan& plan, const Options& options, const Scene& scene, const FacetSet& facets, size_t patches) {
+  if (plan.adapted || plan.size.cluster > 0 || plan.size.size <= next.size.size || !mayAdapt(options)) return;
+  const double ofOneSize = static_cast<double>(patches) * std::pow(plan.size.size / next.size.size, 2);
+  const Options adapting = adaptingOptions(options, next.setting);
+  const AdaptTrial trial = adaptTrialOf(adapting, scene, facets, next.setting.spec);
+  if (trial.level == 0 || static_cast<double>(trial.patches) * samplesOf(trial.setting.spec) > kWorthATrial * ofOneSize * samplesOf(next.setting.spec)) return;
+  const Adapting a = adaptTo(adapting, scene, facets, next.setting.spec);
+  if (!isUsable(a, adapting, scene, facets) || static_cast<double>(a.adapted.patches) > kWorthAdapting * ofOneSize) return;
+  next.size = a.size;
+  next.adapt = adapting.adapt;
+  next.adapted = a;
 }
 
 }  // namespace farol

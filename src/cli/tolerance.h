@@ -37,4 +37,8 @@ TolerancePlan planFor(const Options& options, const Scene& scene, const FacetSet
 // below the tolerance; patches are to be adapted anew.
 TolerancePlan refined(const TolerancePlan& plan, const Options& options, const FacetSet& facets, const ErrorParts& found);
 
+// Patches of several sizes in place of the smaller ones of one size that the refinement `next` asks for, where they are fewer by
+// far. `patches`: of the plan.
+void adaptInstead(TolerancePlan& next, const TolerancePlan& plan, const Options& options, const Scene& scene, const FacetSet& facets, size_t patches);
+
 }  // namespace farol

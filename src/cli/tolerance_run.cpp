@@ -145,7 +145,7 @@ void choosePlan(RunState& run) {
 // that joining does not see yet, and a tolerance that is just met is not believed.
 void meetTolerance(RunState& run) {
   constexpr int kRounds = 4;
-  constexpr double kGrew = 1.4, kBelieved = 0.85;  // times what was expected; of the tolerance
+  constexpr double kGrew = 1.6, kBelieved = 0.95;  // times what was expected; of the tolerance
   const Stopwatch watch;
   choosePlan(run);
   ErrorParts found;
@@ -162,7 +162,8 @@ void meetTolerance(RunState& run) {
     if (met || round + 1 == kRounds || !run.plan->limitedBy.empty()) break;
     expected = found.patches;
     const auto limitedBy = [&](const char* what) { run.plan->limitedBy = found.total() > run.options.tolerance ? what : ""; };
-    const TolerancePlan next = refined(*run.plan, run.options, run.facets, found);
+    TolerancePlan next = refined(*run.plan, run.options, run.facets, found);
+    adaptInstead(next, *run.plan, run.options, run.scene, run.facets, run.patches.size());
     const bool changed = next.size.size != run.plan->size.size || next.adapt != run.plan->adapt ||
                          next.setting.spec.rays != run.plan->setting.spec.rays ||
                          next.setting.spec.resolution != run.plan->setting.spec.resolution ||

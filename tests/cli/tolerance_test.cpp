@@ -221,7 +221,22 @@ TEST_F(Tolerance, JustMetIsNotBelievedWherePatchesCostMoreThanForetold) {
   const json t = report()["tolerance"];
   EXPECT_TRUE(t["met"].get<bool>());
   EXPECT_EQ(t["limited_by"], "");
-  EXPECT_LT(t["estimated_error"]["total"].get<double>(), 0.85 * 0.05);
+  EXPECT_LT(t["estimated_error"]["total"].get<double>(), 0.95 * 0.05);
+}
+
+// What patches of one size cost is told by joining them, which is rough behind a mirror that hangs before a wall: a refinement
+// tries patches of several sizes before it takes smaller ones everywhere. (With the samples given no measured time decides.)
+TEST_F(Tolerance, RefinementAdaptsWhereThatPays) {
+  const Outcome o = solve(FAROL_SCENES "/mirrors_and_glass/mirror_room.gltf", "--tolerance 0.01 --rays 1024 --shadow-rays 256");
+  ASSERT_EQ(o.exitCode, 0) << o.err;
+  EXPECT_THAT(o.out, HasSubstr("refined:"));
+  const json r = report();
+  EXPECT_TRUE(r["tolerance"]["met"].get<bool>());
+  EXPECT_TRUE(r.contains("adapted"));
+  EXPECT_LT(r["counts"]["patches"].get<int>(), 5000);
+  const std::string csv = readText(path("p.csv"));
+  ASSERT_EQ(farol(r["equivalent_command"].get<std::string>().substr(6)).exitCode, 0);
+  EXPECT_EQ(readText(path("p.csv")), csv);
 }
 
 // The patches that a refinement wants do not fit: what was reached stays, whole.
