@@ -163,7 +163,6 @@ void meetTolerance(RunState& run) {
     expected = found.patches;
     const auto limitedBy = [&](const char* what) { run.plan->limitedBy = found.total() > run.options.tolerance ? what : ""; };
     TolerancePlan next = refined(*run.plan, run.options, run.facets, found);
-    adaptInstead(next, *run.plan, run.options, run.scene, run.facets, run.patches.size());
     const bool changed = next.size.size != run.plan->size.size || next.adapt != run.plan->adapt ||
                          next.setting.spec.rays != run.plan->setting.spec.rays ||
                          next.setting.spec.resolution != run.plan->setting.spec.resolution ||
@@ -177,6 +176,7 @@ void meetTolerance(RunState& run) {
       limitedBy("time");
       break;
     }
+    adaptInstead(next, *run.plan, run.options, run.scene, run.facets, run.patches.size());
     run.say("refined: the error is estimated as {:.2g} % (patches {:.2g}, rows {:.2g}, light {:.2g})",
             100 * found.total(), 100 * found.patches, 100 * found.rows, 100 * found.light);
     if (!applyRefined(run, next)) {
