@@ -59,15 +59,17 @@ void scaleSamples(MethodSpec& spec, double factor) {
 // What errors of rows fall with.
 double worthOf(const MethodSpec& spec) { return spec.kind == Kind::rays ? worthOf(spec.rays) : samplesOf(spec); }
 
-// Of the time or number of patches of one size: what patches of several sizes must stay below, and their trial.
+// Patches of several sizes must stay below a share of what those of one size cost in time or number; their trial costs some of it.
 constexpr double kWorthAdapting = 0.7, kWorthATrial = 0.5;
 
+// Where the light is known and the options leave the patches free.
 bool mayAdapt(const Options& o) {
   return o.command != Command::factors && o.variants.empty() && !o.gave("--patches") && !o.gave("--patch-size");
 }
 
 bool wantsPicture(const Options& o) { return o.command == Command::render || !o.output.empty(); }
 
+// What --adapt would be given for such a tolerance.
 Options adaptingOptions(const Options& given, const Setting& setting) {
   constexpr double kShare = 0.65;  // of the error that patches cost: its square and the samples' are about alike
   Options options = given;
@@ -81,6 +83,16 @@ bool isUsable(const Adapting& a, const Options& options, const Scene& scene, con
   constexpr size_t kMostCells = size_t{1} << 23;  // the grid of the smallest patches is as large as that over all
   const bool deep = buildPatches(scene, facets, a.size).size() << 2 * a.adapted.tree.levels() > kMostCells;
   return !deep && a.adapted.error <= options.adapt && !(wantsPicture(options) && a.adapted.patches < kPicturePatches);
+}
+
+// Three digits are enough, and read better.
+double roundedSize(double size) { return std::stod(fmt::format("{:.3g}", size)); }
+
+std::string clusterText(const TolerancePlan& p) { return p.size.cluster > 0 ? fmt::format(" --cluster {}", p.size.cluster) : ""; }
+
+std::string patchesText(const TolerancePlan& p, double patches) {
+  if (p.adapted) return fmt::format("--adapt {} --patch-size {} (about {:.0f} of {} sizes)", p.adapt, p.size.size, patches, p.adapted->adapted.tree.levels() + 1);
+  return fmt::format("--patch-size {}{} (about {:.0f})", p.size.size, clusterText(p), patches);
 }
 
 struct Costs {
@@ -293,7 +305,7 @@ class Planner {
   void considerAdapting() {
     const bool limited = plan_.limitedBy == "memory" || plan_.limitedBy == "time";  // what was chosen does not meet the tolerance
     const double whole = limited ? allowedSeconds() : plan_.seconds, most = limited ? whole : kWorthAdapting * whole;
-    if (!mayAdapt(options_) || options_.patchSize > 0 || cluster_ > 0) return;
+    if (!mayAdapt(options_) || cluster_ > 0) return;
     const Options options = adaptingOptions(options_, plan_.setting);
     const AdaptTrial trial = adaptTrialOf(options, scene_, facets_, plan_.setting.spec);
     if (trial.level == 0 || secondsFor(static_cast<double>(trial.patches), trial.setting) > kWorthATrial * whole) return;
@@ -368,10 +380,6 @@ class Planner {
 
   size_t buildCount(size_t count) const { return cluster_ > 0 ? count : std::max(count, facets_.facets.size()); }
 
-  static double roundedSize(double size) {  // three digits are enough, and read better
-    return std::stod(fmt::format("{:.3g}", size));
-  }
-
   void explain() {
     const ErrorParts& e = plan_.predicted;
     const Setting& s = plan_.setting;
@@ -379,11 +387,9 @@ class Planner {
     plan_.choices.clear();
     const char* given = "given";
     if (plan_.adapted) {
-      plan_.choices.push_back({"patches", fmt::format("--adapt {} --patch-size {} (about {:.0f} of {} sizes)", plan_.adapt, plan_.size.size, patches_, plan_.adapted->adapted.tree.levels() + 1),
-                               fmt::format("constant patches cost {}; of one size it would take about {:.0f}", percent(e.patches), ofOneSize_)});
+      plan_.choices.push_back({"patches", patchesText(plan_, patches_), fmt::format("constant patches cost {}; of one size it would take about {:.0f}", percent(e.patches), ofOneSize_)});
     } else {
-      const std::string gathered = cluster_ > 0 ? fmt::format(" --cluster {}", cluster_) : "";
-      plan_.choices.push_back({"patches", fixedPatches() ? fmt::format("{}{}", options_.patches, gathered) : fmt::format("--patch-size {}{} (about {:.0f})", plan_.size.size, gathered, patches_),
+      plan_.choices.push_back({"patches", fixedPatches() ? fmt::format("{}{}", options_.patches, clusterText(plan_)) : patchesText(plan_, patches_),
                              fixedPatches() ? given
                                             : fmt::format("constant patches cost {} of H's mean, from {} at {} patches{}", percent(e.patches), percent(patchError_.error), tried_,
                                                           wantsPicture(options_) && patches_ < 1.01 * kPicturePatches ? "; a picture wants 4000 or more" : "")});
@@ -478,7 +484,7 @@ TolerancePlan refined(const TolerancePlan& plan, const Options& options, const F
   } else if (shrink.patches < 1) {
     constexpr double kOrder = 1.5;
     const double smaller = std::pow(shrink.patches, 1 / kOrder) / 1.05;
-    next.size.size = plan.size.size > 0 ? plan.size.size * smaller : sizeForPatches(facets, plan.size.count) * smaller;
+    next.size.size = roundedSize((plan.size.size > 0 ? plan.size.size : sizeForPatches(facets, plan.size.count)) * smaller);
     next.size.count = 0;
   }
   return next;
@@ -495,6 +501,28 @@ void adaptInstead(TolerancePlan& next, const TolerancePlan& plan, const Options&
   next.size = a.size;
   next.adapt = adapting.adapt;
   next.adapted = a;
+}
+
+std::vector<Choice> takeRefined(TolerancePlan& plan, const TolerancePlan& before, const ErrorParts& found, size_t patches) {
+  std::vector<Choice> changed;
+  for (Choice& c : plan.choices) {
+    std::string value = c.value;
+    double cost = 0;
+    if (c.what == "patches" && (plan.size.size != before.size.size || plan.adapt != before.adapt)) {
+      value = patchesText(plan, static_cast<double>(patches));
+      cost = found.patches;
+    } else if (c.what == "method") {
+      value = methodText(plan.setting.spec);
+      cost = found.rows;
+    } else if (c.what == "shadow rays") {
+      value = fmt::format("{}", plan.setting.shadowRays);
+      cost = found.light;
+    }
+    if (value == c.value) continue;
+    c = {c.what, value, fmt::format("refined: {} cost {:.2g} %", c.value, 100 * cost)};
+    changed.push_back(c);
+  }
+  return changed;
 }
 
 }  // namespace farol

@@ -41,4 +41,7 @@ TolerancePlan refined(const TolerancePlan& plan, const Options& options, const F
 // far. `patches`: of the plan.
 void adaptInstead(TolerancePlan& next, const TolerancePlan& plan, const Options& options, const Scene& scene, const FacetSet& facets, size_t patches);
 
+// The choices of a refined plan, whose patches are so many, become what it has changed, with what that cost before. Returns these.
+std::vector<Choice> takeRefined(TolerancePlan& plan, const TolerancePlan& before, const ErrorParts& found, size_t patches);
+
 }  // namespace farol

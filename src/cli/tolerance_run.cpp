@@ -179,10 +179,12 @@ void meetTolerance(RunState& run) {
     adaptInstead(next, *run.plan, run.options, run.scene, run.facets, run.patches.size());
     run.say("refined: the error is estimated as {:.2g} % (patches {:.2g}, rows {:.2g}, light {:.2g})",
             100 * found.total(), 100 * found.patches, 100 * found.rows, 100 * found.light);
+    const TolerancePlan before = *run.plan;
     if (!applyRefined(run, next)) {
       limitedBy("memory");
       break;
     }
+    for (const Choice& c : takeRefined(*run.plan, before, found, run.patches.size())) run.say("  {}: {} ({})", c.what, c.value, c.why);
     run.report.checks.reset();
     run.replicates = {};
     run.lighting = {};

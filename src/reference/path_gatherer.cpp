@@ -108,7 +108,8 @@ void PathGatherer::start(GatherPath& path, Lane& lane) const {
 }
 
 // Where a path starts, and where final gathering ends it, by about what each lamp brings there unless something is in between:
-// never 0 for one that may bring something. Elsewhere by their power. `s`, a number in [0,1), is used up and made anew. All lamps: none brings anything.
+// never 0 for one that may bring something. Elsewhere by their power. `s`, a number in [0,1), is used up and made anew. All lamps:
+// none brings anything.
 std::pair<size_t, double> PathGatherer::chooseLamp(const Lane& lane, double& s) const {
   const size_t count = lamps_.size();
   std::span<const double> sums = lampChance_;  // cumulative
@@ -265,7 +266,7 @@ void PathGatherer::gather(std::span<GatherPath> paths) const {
     if (!lampChance_.empty()) addLight(toLamps, busy);
     if (!lights_.empty()) addLight(toPunctual, busy);
     for (uint32_t k = 0; k < busy; ++k) {
-      if (lanes[k].last) lanes[k] = {};
+      if (lanes[k].last) lanes[k].path = nullptr;
     }
     tracer_.intersect(rays, busy, hits);
     for (uint32_t k = 0; k < busy; ++k) {

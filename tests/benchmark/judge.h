@@ -1,7 +1,7 @@
 // The error of H that a run of the program has reached, on the same patches (front sides). The reference is final gathering from
 // random points of every patch: direct light there by shadow rays, and one ray to a surface, where direct light is sampled again
-// and a much finer solution of the scene says what else there is. What that solution errs by reaches a patch as a mean over all directions; how far it does, gathering
-// paths tell that follow light to its end, in means over surfaces (agreement).
+// and a much finer solution of the scene says what else there is. What that solution errs by reaches a patch as a mean over all
+// directions; how far it does, gathering paths tell that follow light to its end, in means over surfaces (agreement).
 #pragma once
 
 #include "cli/adapting.h"
@@ -129,7 +129,7 @@ class Judge {
   Tracer tracer_;
   std::unique_ptr<SizedScene> fine_;
   std::vector<Rgb> known_;  // H of its patches
-  std::vector<double> exposed_;
+  std::vector<double> exposed_;  // share of each on which nothing stands
   std::map<std::string, std::unique_ptr<Known>> references_;
 };
 

@@ -85,9 +85,12 @@ TEST(Adapting, NeedsFewerPatchesForTheSameError) {
   EXPECT_LT(tree.patches().size(), 1.3 * static_cast<double>(uniform.patches().size()));
   EXPECT_LT(adapted, 0.7 * ofOneSize);
   EXPECT_LT(adapted, 0.015);
-  // The finished run tells it, too: all but what rays scatter.
+  // The finished run tells it, too, all but what rays scatter: by joining, whose mean with the trial's forecast is told.
   const double told = adaptedPatchErrorOf(ofTree.f, tree.patches(), room.facets(), ofTree.lighting, room.adapting());
   fmt::print("told {:.2f} %\n", 100 * told);
+  const double byJoining = told * told / room.adapted().error;
+  EXPECT_GT(byJoining, 0.8 * adapted);
+  EXPECT_LT(byJoining, 1.4 * adapted);
   EXPECT_GT(told, 0.9 * adapted);
   EXPECT_LT(told, 1.5 * adapted);
 }

@@ -234,6 +234,12 @@ TEST_F(Tolerance, RefinementAdaptsWhereThatPays) {
   EXPECT_TRUE(r["tolerance"]["met"].get<bool>());
   EXPECT_TRUE(r.contains("adapted"));
   EXPECT_LT(r["counts"]["patches"].get<int>(), 5000);
+  // The choices told are those that hold, and why.
+  const json patches = r["tolerance"]["choices"][0];
+  EXPECT_THAT(patches["value"].get<std::string>(), HasSubstr(fmt::format("--adapt {} --patch-size {} (about {} of ", r["options"]["adapt"].get<double>(),
+                                                                          r["options"]["patch_size"].get<double>(), r["counts"]["patches"].get<int>())));
+  EXPECT_THAT(patches["why"].get<std::string>(), HasSubstr("refined: --patch-size "));
+  EXPECT_THAT(o.out, HasSubstr(patches["value"].get<std::string>()));
   const std::string csv = readText(path("p.csv"));
   ASSERT_EQ(farol(r["equivalent_command"].get<std::string>().substr(6)).exitCode, 0);
   EXPECT_EQ(readText(path("p.csv")), csv);
