@@ -2,9 +2,9 @@
 
 #include "base/clones.h"
 #include "base/error.h"
-#include "base/output_file.h"
 #include "output/mapped_zip.h"
 #include "output/npy.h"
+#include "output/zip_writer.h"
 
 #include <algorithm>
 #include <array>
@@ -13,7 +13,6 @@
 #include <functional>
 #include <numeric>
 #include <tbb/parallel_for.h>
-#include <zip.h>
 
 namespace farol {
 namespace {
@@ -34,15 +33,6 @@ FAROL_CLONES bool possible(std::span<const float> factors) {
   return most <= std::bit_cast<uint32_t>(kMostFactor);
 }
 
-// A member under way: its header, then what `more` appends, part after part, until it appends nothing.
-struct Member {
-  std::string name, pending;
-  uint64_t size = 0;  // [bytes]
-  std::function<void(std::string&)> more;
-  size_t taken = 0;
-  zip_error_t error{};
-};
-
 template <typename T>
 void append(std::string& bytes, const T& value) {
   bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
@@ -51,42 +41,6 @@ void append(std::string& bytes, const T& value) {
 template <typename T>
 std::string bytesOf(const std::vector<T>& values) {
   return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)};
-}
-
-zip_int64_t readMember(void* state, void* data, zip_uint64_t length, zip_source_cmd_t command) {
-  auto& m = *static_cast<Member*>(state);
-  switch (command) {
-    case ZIP_SOURCE_SUPPORTS:
-      return zip_source_make_command_bitmap(ZIP_SOURCE_OPEN, ZIP_SOURCE_READ, ZIP_SOURCE_CLOSE, ZIP_SOURCE_STAT,
-                                            ZIP_SOURCE_ERROR, ZIP_SOURCE_FREE, -1);
-    case ZIP_SOURCE_READ: {
-      zip_uint64_t given = 0;
-      while (given < length) {
-        if (m.taken == m.pending.size()) {
-          m.pending.clear();
-          m.taken = 0;
-          if (m.more) m.more(m.pending);
-          if (m.pending.empty()) break;
-        }
-        const size_t count = std::min<size_t>(length - given, m.pending.size() - m.taken);
-        std::memcpy(static_cast<char*>(data) + given, m.pending.data() + m.taken, count);
-        m.taken += count;
-        given += count;
-      }
-      return static_cast<zip_int64_t>(given);
-    }
-    case ZIP_SOURCE_STAT: {
-      auto* stat = static_cast<zip_stat_t*>(data);
-      zip_stat_init(stat);
-      stat->mtime = 315532800;  // 1980: the same input gives the same bytes
-      stat->valid |= ZIP_STAT_MTIME;
-      return sizeof(zip_stat_t);
-    }
-    case ZIP_SOURCE_ERROR:
-      return zip_error_to_data(&m.error, data, length);
-    default:
-      return 0;
-  }
 }
 
 // Ascending ids of a row, of entries that are not 0 in some channel, with the values of one channel.
@@ -126,13 +80,8 @@ void writeFactorsNpz(const std::string& path, const FormFactorMatrix& f, const P
     exposed.push_back(s.exposed);
     correction.push_back(s.correction);
   }
-  std::vector<std::unique_ptr<Member>> members;
-  const auto add = [&](const std::string& name, const NpyHeader& header, std::string data) {
-    members.push_back(std::make_unique<Member>());
-    members.back()->name = name + ".npy";
-    members.back()->pending = npyHeader(header) + std::move(data);
-    members.back()->size = members.back()->pending.size();
-  };
+  ZipWriter archive;
+  const auto add = [&](const std::string& name, const NpyHeader& header, const std::string& data) { archive.add(name + ".npy", npyHeader(header) + data); };
   const auto numbers = [&](const char* name, const std::vector<double>& v) { add(name, {"<f8", {v.size()}}, bytesOf(v)); };
   const auto text = [&](const char* name, const std::string& t) { add(name, {fmt::format("|S{}", t.size()), {}}, t); };
   // Some rows of a matrix in CSR form.
@@ -148,15 +97,14 @@ void writeFactorsNpz(const std::string& path, const FormFactorMatrix& f, const P
     const char* index = wide ? "<i8" : "<i4";
     std::string startBytes;
     for (const int64_t s : starts) wide ? append(startBytes, s) : append(startBytes, static_cast<int32_t>(s));
-    add(prefix + "indptr", {index, {starts.size()}}, std::move(startBytes));
+    add(prefix + "indptr", {index, {starts.size()}}, startBytes);
     std::vector<std::string> arrays = dataMembers(from.coloured());
     arrays.insert(arrays.begin(), "indices");
     for (size_t a = 0; a < arrays.size(); ++a) {
       const bool isIndex = a == 0;
       const int c = isIndex ? 0 : static_cast<int>(a) - 1;
-      add(prefix + arrays[a], {isIndex ? index : "<f4", {entries}}, "");
-      members.back()->size += entries * (isIndex && wide ? sizeof(int64_t) : sizeof(float));
-      members.back()->more = [&, isIndex, c, wide, row = size_t{0}](std::string& bytes) mutable {
+      const uint64_t size = entries * (isIndex && wide ? sizeof(int64_t) : sizeof(float));
+      const auto rowByRow = [&, isIndex, c, wide, row = size_t{0}](std::string& bytes) mutable {
         for (; row < which.size() && bytes.empty(); ++row) {
           compressed(from, which[row], c, ids, values);
           if (!isIndex)
@@ -167,6 +115,7 @@ void writeFactorsNpz(const std::string& path, const FormFactorMatrix& f, const P
             for (const int32_t id : ids) append(bytes, int64_t{id});
         }
       };
+      archive.add(prefix + arrays[a] + ".npy", npyHeader({isIndex ? index : "<f4", {entries}}), size, rowByRow);
     }
   };
   text("farol_method", about.method);
@@ -201,35 +150,7 @@ void writeFactorsNpz(const std::string& path, const FormFactorMatrix& f, const P
     numbers("farol_again_missed", seenNothing);
     addRows("farol_again_", *rows, again);
   }
-
-  OutputFile file(path);
-  file.closeStream();
-  int code = 0;
-  zip_t* archive = zip_open(file.temporaryPath().c_str(), ZIP_CREATE | ZIP_TRUNCATE, &code);
-  const auto fail = [&](const char* what) {
-    const std::string reason = archive != nullptr ? zip_strerror(archive) : fmt::format("error {}", code);
-    if (archive != nullptr) zip_discard(archive);
-    throw Error("cannot write {}: {} ({})", path, reason, what);
-  };
-  if (archive == nullptr) fail("opening");
-  uint64_t end = 0;
-  for (const auto& m : members) {
-    zip_source_t* source = zip_source_function(archive, readMember, m.get());
-    const zip_int64_t at = source != nullptr ? zip_file_add(archive, m->name.c_str(), source, 0) : -1;
-    if (at < 0 || zip_set_file_compression(archive, static_cast<zip_uint64_t>(at), ZIP_CM_STORE, 0) != 0)
-      fail(m->name.c_str());
-    // Data begin at multiples of 64 bytes, by an extra field as zipalign uses it, so that they can be used where they lie. A
-    // local header has 30 bytes, its name, 20 bytes about sizes beyond 4 GiB, and this.
-    constexpr uint16_t kAlignment = 0xD935, kMultiple = 64, kFieldHead = 4;
-    const uint64_t start = end + 30 + m->name.size() + 20 + kFieldHead;
-    const std::string padding((kMultiple - start % kMultiple) % kMultiple, '\0');
-    if (zip_file_extra_field_set(archive, static_cast<zip_uint64_t>(at), kAlignment, ZIP_EXTRA_FIELD_NEW, reinterpret_cast<const zip_uint8_t*>(padding.data()),
-                                 static_cast<zip_uint16_t>(padding.size()), ZIP_FL_LOCAL) != 0)
-      fail(m->name.c_str());
-    end = start + padding.size() + m->size;
-  }
-  if (zip_close(archive) != 0) fail("writing");
-  file.commit();
+  archive.write(path);
 }
 
 // The archive and its members.

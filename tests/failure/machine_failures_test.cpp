@@ -183,6 +183,13 @@ TEST(MachineFailures, FullDiskIsASentence) {
     EXPECT_EQ(o.exitCode, 1) << output;
     EXPECT_THAT(o.err, HasSubstr("cannot write /dev/full"));
   }
+  const TemporaryFolder folder;
+  const std::string kept = folder.path("F.npz");
+  std::filesystem::create_symlink("/dev/full", kept);
+  const Outcome o = farol("factors " + kCornell + " --patches 50 --rays 16 -o " + kept);
+  EXPECT_EQ(o.exitCode, 1);
+  EXPECT_THAT(o.err, HasSubstr("cannot write " + kept + ": "));
+  EXPECT_THAT(o.err, HasSubstr("No space left on device"));
 }
 
 TEST(MachineFailures, ReadOnlyFolderIsASentenceBeforeAnyWork) {
