@@ -12,7 +12,7 @@
 namespace farol {
 namespace {
 
-constexpr uint32_t kTile = 512;             // pixels along the edge of a tile: bounds the memory for samples
+constexpr uint32_t kTile = 256;             // pixels along the edge of a tile: bounds the memory for samples
 constexpr uint32_t kNothing = 0x7FFFFFFFu;  // clear value: no facet has this number
 constexpr double kNear = 1e-6;              // [unit coordinates]
 
