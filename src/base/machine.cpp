@@ -62,6 +62,7 @@ MappedFile mapFile(const std::string& path) {
   if (file >= 0) close(file);
   if (!sized || memory == MAP_FAILED) throw Error("{}: cannot be read: {}", path, std::strerror(reason));
   if (memory == nullptr) return {};
+  madvise(memory, size, MADV_HUGEPAGE);  // what is read from a disk comes in large pages where the system has them
   return {{static_cast<const std::byte*>(memory), [size](const std::byte* m) { munmap(const_cast<std::byte*>(m), size); }}, size};
 }
 
