@@ -35,6 +35,7 @@ farol_require_module(OPENEXR OpenEXR libopenexr-dev "pictures")
 farol_require_module(STB stb libstb-dev "pictures")
 farol_require_module(LIBZIP libzip libzip-dev "kept form factors")
 farol_require_module(LIBDEFLATE libdeflate libdeflate-dev "their checksums")
+farol_require_module(JEMALLOC jemalloc libjemalloc-dev "memory in large pages")
 
 find_path(VOLK_INCLUDE_DIR volk.h)
 find_path(VULKAN_INCLUDE_DIR vulkan/vulkan.h)

@@ -7,11 +7,13 @@
 #include <cstring>
 #include <fcntl.h>
 #include <fstream>
-#include <malloc.h>
 #include <string>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
+
+// jemalloc's, in the program that it is linked to (src/main.cpp); a null pointer in others.
+extern "C" int mallctl(const char* name, void* old, size_t* oldLength, void* value, size_t length) __attribute__((weak));
 
 namespace farol {
 namespace {
@@ -42,9 +44,10 @@ uint64_t peakMemoryBytes() {
   return kilobyteLine("/proc/self/status", "VmHWM:");
 }
 uint64_t residentMemoryBytes() {
-#ifdef __GLIBC__
-  malloc_trim(0);
-#endif
+  if (mallctl != nullptr) {
+    mallctl("thread.tcache.flush", nullptr, nullptr, nullptr, 0);
+    mallctl("arena.4096.purge", nullptr, nullptr, nullptr, 0);  // 4096: all of them
+  }
   return kilobyteLine("/proc/self/status", "VmRSS:");
 }
 uint64_t availableMemoryBytes() {
