@@ -3,6 +3,7 @@
 #include "cli/run.h"
 
 #include <cstdio>
+#include <cstdlib>
 #include <fmt/format.h>
 #include <new>
 
@@ -10,10 +11,21 @@
 // a third of a run's time in virtual machines. What is freed stays for two seconds for what comes next, of any size, of
 // any thread: software drivers take and give back memory for every batch that they draw.
 extern "C" const char* malloc_conf;
-const char* malloc_conf = "thp:always,metadata_thp:always,narenas:1,lg_extent_max_active_fit:24,dirty_decay_ms:2000";
+const char* malloc_conf = "thp:always,metadata_thp:always,narenas:1,lg_extent_max_active_fit:24,dirty_decay_ms:2000,oversize_threshold:0";
+
+namespace {
+
+// The heap grows in pieces from 2 MiB on, which begin where large pages seldom do. This one does, and is touched where it is used.
+void beginHeap() {
+  void* volatile piece = std::malloc(size_t{64} << 20);
+  std::free(piece);
+}
+
+}  // namespace
 
 // Every failure ends here, as one line and an exit code (listed by --help).
 int main(int argc, char** argv) {
+  beginHeap();
   farol::installSignalHandlers();
   try {
     bool handled = false;

@@ -82,7 +82,7 @@ StagesTried tryStages(const RunState& run, size_t count) {
 ForecastReport forecastOf(const RunState& run, const RowProbe& probe, double matrixBytes, uint64_t resident) {
   constexpr double kTrialSeconds = 0.15, kLeastTried = 400;
   // Heads of rows, lighting and errors, found at 4,000 to 300,000 patches; buffers of threads.
-  constexpr double kBytesPerPatch = 1230, kFixedBytes = 8e6;
+  constexpr double kBytesPerPatch = 1230, kFixedBytes = 5e6;
   constexpr double kSizeClasses = 1.07;  // of the heap: four per doubling
   const auto n = static_cast<double>(probe.rows);
   constexpr double kProcessSeconds = 0.01;  // to load and leave the program
