@@ -43,11 +43,13 @@ std::string processorName() {
 uint64_t peakMemoryBytes() {
   return kilobyteLine("/proc/self/status", "VmHWM:");
 }
+void returnFreedMemory() {
+  if (mallctl == nullptr) return;
+  mallctl("thread.tcache.flush", nullptr, nullptr, nullptr, 0);
+  mallctl("arena.4096.purge", nullptr, nullptr, nullptr, 0);  // 4096: all of them
+}
 uint64_t residentMemoryBytes() {
-  if (mallctl != nullptr) {
-    mallctl("thread.tcache.flush", nullptr, nullptr, nullptr, 0);
-    mallctl("arena.4096.purge", nullptr, nullptr, nullptr, 0);  // 4096: all of them
-  }
+  returnFreedMemory();
   return kilobyteLine("/proc/self/status", "VmRSS:");
 }
 uint64_t availableMemoryBytes() {

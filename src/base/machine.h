@@ -12,7 +12,8 @@ namespace farol {
 
 std::string processorName();  // as the operating system calls it
 uint64_t peakMemoryBytes();       // VmHWM of this process [bytes]; 0 where unknown
-uint64_t residentMemoryBytes();   // VmRSS once the heap has given back what is free [bytes]; 0 where unknown
+void returnFreedMemory();         // of the heap, to the system: it keeps it otherwise
+uint64_t residentMemoryBytes();   // VmRSS after that [bytes]; 0 where unknown
 uint64_t availableMemoryBytes();  // MemAvailable of the machine [bytes]; 0 where unknown
 
 // A file's contents as memory, read when looked at. Throws Error with the file's name and the system's reason.
