@@ -4,6 +4,7 @@
 #include "base/machine.h"
 #include "cli/choices.h"
 #include "cli/patch_size_error.h"
+#include "cli/sample_counts.h"
 
 namespace farol {
 namespace {
@@ -12,52 +13,14 @@ using Kind = MethodSpec::Kind;
 
 // Predictions aim below the tolerance: estimates scatter.
 constexpr double kMargin = 0.78;
-// Errors fall with pixels to this power, and with rays from one power of two to the next: 0.65 to 0.74 in the
-// Cornell box and the L-shaped room of 800 to 8,000 patches.
-constexpr double kHemicubeOrder = 0.5, kRayOrder = 0.65;
 constexpr size_t kProbes = 192;
 constexpr size_t kFewTried = 450, kMostTried = 12000;  // patches of a trial
 constexpr double kUsualTolerance = 0.05;  // that a trial of few patches and rays is for
 constexpr double kTight = 0.03;           // below it a trial is larger
-constexpr uint32_t kMostRays = 1u << 16, kLeastShadowRays = 8;
+constexpr uint32_t kLeastShadowRays = 8;
 // What a picture shows: grain of every patch and edges of shadows.
 constexpr size_t kPicturePatches = 4000;
 constexpr uint32_t kPictureRays = 256;
-
-double orderOf(const MethodSpec& spec) { return spec.kind == Kind::rays ? kRayOrder : kHemicubeOrder; }
-
-// Sobol's points are spread evenly in powers of two of them (the test PowersOfTwoAreWorthMore prints by how much). Half as many
-// again are worth a quarter more, and other numbers are not worth their time: the first such number that is worth so much.
-uint32_t evenCount(double worth, uint32_t least, uint32_t most) {
-  uint32_t count = least;
-  while (count < most && count < worth) count *= 2;
-  return 0.625 * count >= worth ? std::max(least, count / 4 * 3) : count;
-}
-// The power of two that it errs like, on the straight line to the next.
-double worthOf(double count) {
-  const double power = std::exp2(std::floor(std::log2(count)));
-  return power * (1 + 0.5 * (count / power - 1));
-}
-
-// A setting's samples of rows, changed by a factor: rays, or the pixels of a hemicube.
-void scaleSamples(MethodSpec& spec, double factor) {
-  if (spec.kind == Kind::rays) {
-    spec.rays = evenCount(worthOf(spec.rays) * factor, 16, kMostRays);
-  } else if (spec.hemicubes()) {
-    // Beyond 128 pixels an edge more points of the patch do more.
-    constexpr double kEnough = 128;
-    double edge = spec.resolution * std::sqrt(factor);
-    while (edge > kEnough && spec.positions < 16) {
-      const int more = spec.positions == 1 ? 4 : spec.positions == 4 ? 9 : 16;
-      edge *= std::sqrt(static_cast<double>(spec.positions) / more);
-      spec.positions = more;
-    }
-    spec.resolution = static_cast<uint32_t>(std::clamp(2 * std::ceil(edge / 2), 16.0, 1024.0));
-  }
-}
-
-// What errors of rows fall with.
-double worthOf(const MethodSpec& spec) { return spec.kind == Kind::rays ? worthOf(spec.rays) : samplesOf(spec); }
 
 // Patches of several sizes must stay below a share of what those of one size cost in time or number; their trial costs some of it.
 constexpr double kWorthAdapting = 0.7, kWorthATrial = 0.5;

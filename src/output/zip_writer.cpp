@@ -4,6 +4,7 @@
 #include "base/output_file.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <cstring>
 #include <zip.h>
 
