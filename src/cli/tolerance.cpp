@@ -49,7 +49,7 @@ bool isUsable(const Adapting& a, const Options& options, const Scene& scene, con
 }
 
 // Three digits are enough, and read better.
-double roundedSize(double size) { return std::stod(fmt::format("{:.3g}", size)); }
+double rounded(double value) { return std::stod(fmt::format("{:.3g}", value)); }
 
 std::string clusterText(const TolerancePlan& p) { return p.size.cluster > 0 ? fmt::format(" --cluster {}", p.size.cluster) : ""; }
 
@@ -71,7 +71,7 @@ class Planner {
     plan_.setting.solver = options.solver;
     plan_.setting.shadowRays = options.shadowRays;
     plan_.setting.residual = options.residual;
-    if (!options.gave("--residual")) plan_.setting.residual = std::clamp(0.03 * tolerance_, 1e-5, 1e-2);
+    if (!options.gave("--residual")) plan_.setting.residual = rounded(std::clamp(0.03 * tolerance_, 1e-5, 1e-2));
   }
 
   TolerancePlan plan() {
@@ -261,7 +261,7 @@ class Planner {
     plan_.seconds = best;
     plan_.predicted = errorFor(patches_, bestSetting);
     if (plan_.limitedBy.empty() && plan_.predicted.total() > tolerance_) plan_.limitedBy = "the options given";
-    plan_.size = fixedPatches() ? PatchOptions{options_.patches, 0, 0, cluster_} : PatchOptions{0, roundedSize(sizeFor(patches_)), 0, cluster_};
+    plan_.size = fixedPatches() ? PatchOptions{options_.patches, 0, 0, cluster_} : PatchOptions{0, rounded(sizeFor(patches_)), 0, cluster_};
   }
 
   // Patches as small as their light asks for, where they are predicted to cost so much less that a trial of them pays.
@@ -447,7 +447,7 @@ TolerancePlan refined(const TolerancePlan& plan, const Options& options, const F
   } else if (shrink.patches < 1) {
     constexpr double kOrder = 1.5;
     const double smaller = std::pow(shrink.patches, 1 / kOrder) / 1.05;
-    next.size.size = roundedSize((plan.size.size > 0 ? plan.size.size : sizeForPatches(facets, plan.size.count)) * smaller);
+    next.size.size = rounded((plan.size.size > 0 ? plan.size.size : sizeForPatches(facets, plan.size.count)) * smaller);
     next.size.count = 0;
   }
   return next;

@@ -292,6 +292,13 @@ TEST_F(Tolerance, KeepsWhatIsGiven) {
   ASSERT_EQ(solve(kCornell, "--tolerance 0.1 --patch-size 30").exitCode, 0);
   const std::string command = report()["equivalent_command"];
   EXPECT_LE(std::stod(command.substr(command.find("--patch-size ") + 13)), 30);
+  // A room whose patches would be of several sizes keeps to one where a size is given.
+  const std::string room = FAROL_SCENES "/l_room/l_room.gltf";
+  const auto adapts = [&] { return report()["equivalent_command"].get<std::string>().find("--adapt") != std::string::npos; };
+  ASSERT_EQ(solve(room, "--tolerance 0.005").exitCode, 0);
+  EXPECT_TRUE(adapts());
+  ASSERT_EQ(solve(room, "--tolerance 0.005 --patch-size 10").exitCode, 0);
+  EXPECT_FALSE(adapts());
 }
 
 TEST_F(Tolerance, ThatCannotBeMetIsExitCodeThreeWithResults) {
