@@ -47,7 +47,7 @@ TEST(Solver, GaussSeidelHalvesTheSweeps) {
 }
 
 // Some sweeps of both methods against the plain loops of a textbook, on a system of several blocks with black patches
-// and, in the second, short lists of entries among the dense rows.
+// and, in all but the first, short lists among the dense rows: of entries or of hits.
 TEST(Solver, SweepsAsTheTextbookDoes) {
   constexpr uint32_t n = 333;
   std::vector<double> rho, emission;
@@ -55,25 +55,35 @@ TEST(Solver, SweepsAsTheTextbookDoes) {
     rho.push_back(i % 7 == 0 ? 0 : 0.3 + 0.6 * unitFromBits(mixBits(i)));
     emission.push_back(i % 50 == 0 ? 1 : 0);
   }
-  for (const bool lists : {false, true}) {
+  enum class Lists { none, entries, hits };
+  for (const Lists lists : {Lists::none, Lists::entries, Lists::hits}) {
     std::vector<std::vector<double>> rows(n, std::vector<double>(n));
     GivenSystem given(rows, rho, emission);
     for (uint32_t i = 0; i < n; ++i) {
-      std::vector<uint32_t> ids;
+      std::vector<uint32_t> ids, hits;
       std::vector<float> values;
-      const bool list = lists && i % 5 == 0;
+      const bool list = lists != Lists::none && i % 5 == 0;
       for (uint32_t j = 0; j < n; ++j) {
         if (list && j % 9 != i % 9) continue;
         ids.push_back(j);
         values.push_back(static_cast<float>(unitFromBits(mixBits(i * n + j)) * (list ? 18.0 : 2.0) / n));
         rows[i][j] = static_cast<double>(values.back());
+        hits.insert(hits.begin(), 1 + j % 2, j);
       }
-      if (list)
-        given.replaced.entries(i, ids, values);
-      else
+      if (!list) {
         std::copy(values.begin(), values.end(), given.replaced.row(i).begin());
+      } else if (lists == Lists::entries) {
+        given.replaced.entries(i, ids, values);
+      } else {
+        const float weight = 1.0f / static_cast<float>(hits.size());
+        given.replaced.hits(i, hits, weight);
+        for (const uint32_t j : ids) rows[i][j] = static_cast<double>(weight) * static_cast<double>(std::count(hits.begin(), hits.end(), j));
+      }
       given.replaced.finish(i, {});
     }
+    const FormFactorRow first = given.replaced[0];
+    ASSERT_EQ(first.dense.empty(), lists != Lists::none);
+    ASSERT_EQ(first.values.empty(), lists != Lists::entries);
     given.f = given.replaced;
     constexpr size_t kSweeps = 3;
     for (const SolverKind kind : kSweeping) {
@@ -88,7 +98,7 @@ TEST(Solver, SweepsAsTheTextbookDoes) {
       }
       const Solution s = given.solve(kind, 1e-14, kSweeps);
       EXPECT_EQ(s.sweeps, kSweeps);
-      for (uint32_t i = 0; i < n; ++i) EXPECT_NEAR(s.radiosity[i].r, b[i], 1e-13 * (1 + b[i])) << i << ", lists: " << lists;
+      for (uint32_t i = 0; i < n; ++i) EXPECT_NEAR(s.radiosity[i].r, b[i], 1e-13 * (1 + b[i])) << i << ", lists: " << static_cast<int>(lists);
     }
   }
 }
