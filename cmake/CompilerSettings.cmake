@@ -20,9 +20,20 @@ if(FAROL_SANITIZE_THREADS)
   target_link_options(farol_settings INTERFACE -fsanitize=thread)
 endif()
 
+# Headers of libraries that most sources include are read once. Off in the asan preset, where sources must include what they use.
+option(FAROL_PRECOMPILED_HEADERS "Precompile headers of libraries" ON)
+if(NOT FAROL_PRECOMPILED_HEADERS)
+  set(CMAKE_DISABLE_PRECOMPILE_HEADERS ON)
+endif()
+add_compile_options(-pthread)  # some libraries ask for it, and all targets share the headers
+set(FAROL_COMMON_HEADERS <algorithm> <array> <functional> <map> <memory> <optional> <span> <string> <vector> <fmt/format.h> <glm/glm.hpp>)
+
 find_program(CCACHE ccache)
-if(CCACHE)
-  set(CMAKE_CXX_COMPILER_LAUNCHER ${CCACHE})
+if(CCACHE)  # with what it needs to know precompiled headers
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros ${CCACHE})
+  if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)
+    add_compile_options(-fpch-preprocess)
+  endif()
 endif()
 
 # farol_room(name SOURCES ... USES ... [PRIVATE_USES ...])
@@ -32,4 +43,9 @@ function(farol_room name)
   add_library(farol_${name} STATIC ${ROOM_SOURCES})
   target_include_directories(farol_${name} PUBLIC ${CMAKE_SOURCE_DIR}/src)
   target_link_libraries(farol_${name} PUBLIC ${ROOM_USES} PRIVATE farol_settings ${ROOM_PRIVATE_USES})
+  if(name STREQUAL base)
+    target_precompile_headers(farol_base PRIVATE ${FAROL_COMMON_HEADERS})
+  else()
+    target_precompile_headers(farol_${name} REUSE_FROM farol_base)
+  endif()
 endfunction()
