@@ -129,12 +129,16 @@ int execute(RunState& run) {
         if (!run.lit())
           throw Error("{}: nothing emits light: an error of irradiance has no meaning; leave --tolerance out",
                       run.options.scene);
-        run.options.emittersApart = false;
+        // A kept F is solved with lamps apart, as a scene is; a table or an export shall do for all light.
+        run.options.emittersApart = run.options.output.ends_with(".npz");
         meetTolerance(run);
       } else {
         makeFactors(run);
       }
       writeFactors(run);
+      if (run.plan && run.options.emittersApart)
+        run.say("to solve at this tolerance: farol solve {} --factors {} --shadow-rays {} --residual {}", run.options.scene,
+                run.options.output, run.options.shadowRays, run.options.residual);
       break;
     default:
       if (needsFormFactors(run)) {

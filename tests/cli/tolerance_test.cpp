@@ -315,6 +315,25 @@ TEST_F(Tolerance, ThatCannotBeMetIsExitCodeThreeWithResults) {
   }
 }
 
+// A kept F is for a solve with lamps apart, a table for all light: rows that must find the L-room's lamp by chance take many times
+// the rays.
+TEST_F(Tolerance, OfKeptFactorsIsThatOfTheirSolve) {
+  const std::string room = FAROL_SCENES "/l_room/l_room.gltf";
+  const auto made = [&](const std::string& name) {
+    const Outcome o = farol("factors " + room + " --tolerance 0.05 -o " + path(name) + " --report " + path("r.json"));
+    EXPECT_EQ(o.exitCode, 0) << o.err;
+    EXPECT_EQ(o.out.find("to solve at this tolerance") != std::string::npos, name == "F.npz") << o.out;
+    return report();
+  };
+  const json kept = made("F.npz"), table = made("F.csv");
+  EXPECT_LT(8 * kept["options"]["rays"].get<int>(), table["options"]["rays"].get<int>());
+  const Outcome o = farol(fmt::format("solve {} --factors {} --shadow-rays {} --residual {} --report {}", room, path("F.npz"),
+                                      kept["options"]["shadow_rays"].get<int>(), kept["options"]["residual"].get<double>(), path("r.json")));
+  ASSERT_EQ(o.exitCode, 0) << o.err;
+  EXPECT_LT(report()["estimated_error"].get<double>(), 0.05);
+  EXPECT_EQ(report()["counts"]["patches"], kept["counts"]["patches"]);
+}
+
 TEST_F(Tolerance, OfFactorsNeedsLight) {
   EXPECT_EQ(farol("factors " + kCornell + " --tolerance 0.05 -o " + path("f.csv")).exitCode, 0);
   auto dark = closedBox({1, 1, 1});
