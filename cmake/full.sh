@@ -26,5 +26,5 @@ for check in SYNCHRONIZATION_VALIDATION GPU_ASSISTED; do
     build/ci/src/farol render $cornell -o build/ci/checked.png --size 64x64 --patches 200 --method raster --solve-on gpu --quiet
   echo "$check: clean"
 done
-git ls-files "src/*.cpp" | xargs -P "$(nproc)" -n 2 clang-tidy -p build/ci --quiet
+git ls-files "src/*.cpp" | xargs -P "$(nproc)" -n 2 clang-tidy -p build/asan --quiet
 sh cmake/fuzz.sh "${FAROL_FUZZ_SECONDS:-600}"
