@@ -17,11 +17,13 @@ constexpr double kSecondsPerRay = 3e-8;
 // choice is clear.
 constexpr double kPenumbra = 0.02, kReflectedVariance = 0.1;
 
-Lamp lampOf(std::vector<Vec3> polygon, const Vec3& normal, const Rgb& emission, bool back) {
+Lamp lampOf(std::vector<Vec3> polygon, const Vec3& normal, const Rgb& emission, const std::pair<uint32_t, bool>& side) {
+  const bool back = side.second;
   if (back) std::reverse(polygon.begin(), polygon.end());
   Lamp lamp;
   lamp.normal = back ? -normal : normal;
   lamp.emission = emission;
+  lamp.facet = side.first;
   for (const Vec3& p : polygon) lamp.centre += p / static_cast<double>(polygon.size());
   for (size_t k = 1; k + 1 < polygon.size(); ++k)
     lamp.area += 0.5 * glm::length(glm::cross(polygon[k] - polygon[0], polygon[k + 1] - polygon[0]));
@@ -66,7 +68,7 @@ std::vector<Emitter> findEmitters(const FacetSet& facets, const PatchSet& patche
     if (uniform) {
       std::vector<Vec3> polygon;
       for (size_t k = 0; k < facet.cornerCount(); ++k) polygon.push_back(facets.points[facet.corners[k]]);
-      e.lamps.push_back(lampOf(std::move(polygon), facet.normal, first, side.second));
+      e.lamps.push_back(lampOf(std::move(polygon), facet.normal, first, side));
     } else {
       for (const uint32_t c : cells) {
         const auto corner = [&](double s, double t) {
@@ -77,7 +79,7 @@ std::vector<Emitter> findEmitters(const FacetSet& facets, const PatchSet& patche
         if (facet.parallelogram) polygon.push_back(corner(1, 1));
         polygon.push_back(corner(0, 1));
         e.lamps.push_back(
-            lampOf(std::move(polygon), facet.normal, patches.patches[patches.cellMap[c]].emission, side.second));
+            lampOf(std::move(polygon), facet.normal, patches.patches[patches.cellMap[c]].emission, side));
       }
     }
     emitters.push_back(std::move(e));

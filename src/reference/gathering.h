@@ -29,4 +29,8 @@ std::vector<GatheredIrradiance> gatherIrradiance(const PathGatherer& gatherer, c
                                                  std::span<const PatchSet* const> sets, double seconds, uint64_t seed,
                                                  const std::function<void(double)>& done);
 
+// Adds to both halves what the gatherer has left out (PathGatherer::leaveOutFollowed), followed for about `seconds`. `patches`:
+// those of the gatherer, on which `gathered` is.
+void addFollowed(const PathGatherer& gatherer, const PatchSet& patches, double seconds, uint64_t seed, GatheredIrradiance& gathered);
+
 }  // namespace farol

@@ -58,7 +58,8 @@ PathGatherer::PathGatherer(const Tracer& tracer, const FacetSet& facets, const P
       sky_(sky),
       hitPatches_(facets, patches),
       tree_(tracer, facets, patches, limits) {
-  if (patches.anySpecular() && (!lamps_.empty() || !lights_.empty())) {
+  patchesSpecular_ = patches.anySpecular();
+  if (patchesSpecular_ && (!lamps_.empty() || !lights_.empty())) {
     mirrors_.emplace(facets, patches);
     const auto images = lampImages(lamps.lamps, *mirrors_, limits);
     const auto ofLights = lightImages(scene.lights, facets.frame, *mirrors_, limits);
@@ -85,6 +86,12 @@ void PathGatherer::endWith(const PatchSet& patches, std::span<const Rgb> irradia
   if (lamps_.empty() && lights_.empty()) return;
   const DirectLight direct = DirectIrradiance(tracer_, facets_, patches, lamps_, lights_, {kShadowRays, 1, mirrors_ ? &*mirrors_ : nullptr}).compute(exposed);
   for (size_t i = 0; i < known_.size(); ++i) known_[i] -= direct.irradiance[i];
+}
+
+SpecularLight PathGatherer::follow(const PatchSet& patches, std::span<const double> exposed, size_t rays, uint64_t seed) const {
+  const std::vector<uint8_t> none(patches.size(), 0);
+  return traceSpecularLight(tracer_, facets_, patches, tree_, imagesOfLamps_ ? none : plan_.apart,
+                            missesLights_ ? std::span<const PunctualLight>(scene_.lights) : std::span<const PunctualLight>(), exposed, rays, seed, [](double) {});
 }
 
 Optics PathGatherer::opticsAt(uint32_t facet, double u, double v) const {
@@ -135,6 +142,22 @@ std::pair<size_t, double> PathGatherer::chooseLamp(const Lane& lane, double& s) 
   return {which, chance};
 }
 
+// Light of a lamp is sampled by its points, or met, where it is this close: shadow rays to points of a lamp that a surface touches
+// have no finite variance there, and what the cosine finds is never more than its exitance.
+bool PathGatherer::close(const Vec3& point, const Vec3& onLamp, uint32_t facet) const {
+  constexpr double kClose = 0.25;  // of the lamp's area
+  const Vec3 d = onLamp - point;
+  return glm::dot(d, d) < kClose * facets_.facets[facet].area;
+}
+
+// Whether some lamp may be close to the point.
+bool PathGatherer::closeToLamps(const Vec3& point) const {
+  return std::any_of(plan_.lamps.begin(), plan_.lamps.end(), [&](const Lamp& lamp) {
+    const double far = glm::distance(point, lamp.centre);
+    return far <= lamp.radius || close(point, point + (lamp.centre - point) * ((far - lamp.radius) / far), lamp.facet);
+  });
+}
+
 // One point of one lamp, and one punctual light.
 void PathGatherer::light(Lane& lane, uint32_t k, ShadowRays& toLamps, ShadowRays& toPunctual) const {
   toLamps.clear(k);
@@ -155,7 +178,7 @@ void PathGatherer::light(Lane& lane, uint32_t k, ShadowRays& toLamps, ShadowRays
     const Vec3 q = corner + s * (lamp.polygon[1] - corner) + t * (lamp.polygon[half ? 2 : 3] - corner);
     const Vec3 d = q - lane.point;
     const double squared = glm::dot(d, d), here = glm::dot(lane.normal, d), there = -glm::dot(lamp.normal, d);
-    if (here > 0 && there > 0) {
+    if (here > 0 && there > 0 && !(lamp.mirrors.empty() && close(lane.point, q, lamp.facet))) {
       toLamps.light[k] = lane.weight * lamp.emission * (lamp.area * here * there / (kPi * squared * squared * chance));
       toLamps.rays.set(k, from, q + kRayOffset * lamp.normal - from);
       toLamps.ways[k] = lamp.mirrors;
@@ -181,20 +204,24 @@ void PathGatherer::meet(const HitPacket& hits, const RayPacket& rays, uint32_t k
   const uint32_t facet = hits.facet[k];
   const auto end = [&] { lane.path = nullptr; };
   if (facet == kNone) {
-    sum += lane.weight * sky_;
+    if (!lane.last) sum += lane.weight * sky_;
     return end();
   }
   const bool back = hitPatches_.seenFromBehind(facet, rays, k);
   const uint32_t patch = hitPatches_.at(facet, back, hits.u[k], hits.v[k]);
   if (patch == kNone) return end();
   PathHit next{facet, patch, back, hits.u[k], hits.v[k], Rgb(1)};
-  Rgb factor = opticsAt(facet, static_cast<double>(next.u), static_cast<double>(next.v)).diffuse;
-  if (plan_.apart[patch] == 0) sum += lane.weight * opticsAt(facet, static_cast<double>(next.u), static_cast<double>(next.v)).emission;
+  const double u = static_cast<double>(next.u), v = static_cast<double>(next.v);
+  const Optics optics = opticsAt(facet, u, v);
+  const bool apart = plan_.apart[patch] != 0;
+  if (apart ? close(lane.point, tree_.pointOn(facet, u, v), facet) : !lane.last) sum += lane.weight * optics.emission;
+  if (lane.last) return end();
+  Rgb factor = optics.diffuse;
   if (tree_.specular(patch)) {
     Met met;
     met.hits.push_back(next);
     PathEnds ends;
-    const SpecularHit hit{tree_.pointOn(facet, static_cast<double>(next.u), static_cast<double>(next.v)), lane.direction, Rgb(1), facet, patch, back, kNone, 0};
+    const SpecularHit hit{tree_.pointOn(facet, u, v), lane.direction, Rgb(1), facet, patch, back, kNone, 0};
     tree_.follow(std::span(&hit, 1), met, ends);
     sum += lane.weight * ends.missed * sky_;
     // Everything met shines; the path goes on from one of them, chosen by what it would reflect.
@@ -202,8 +229,9 @@ void PathGatherer::meet(const HitPacket& hits, const RayPacket& rays, uint32_t k
     double total = 0;
     for (const PathHit& h : met.hits) {
       const Optics o = opticsAt(h.facet, static_cast<double>(h.u), static_cast<double>(h.v));
-      const bool sampled = imagesOfLamps_ && plan_.apart[h.patch] != 0;  // by its image
-      if (&h != &met.hits[0] && !sampled) sum += lane.weight * h.weight * o.emission;
+      // By its image, or followed from the lamp.
+      const bool elsewhere = plan_.apart[h.patch] != 0 && (imagesOfLamps_ || (leaveOutFollowed_ && lane.depth == 0));
+      if (&h != &met.hits[0] && !elsewhere) sum += lane.weight * h.weight * o.emission;
       factors.push_back(h.weight * o.diffuse);
       total += maxChannel(factors.back());
     }
@@ -219,7 +247,7 @@ void PathGatherer::meet(const HitPacket& hits, const RayPacket& rays, uint32_t k
   if (knownPatches_) {
     const uint32_t known = knownPatches_->at(next.facet, next.back, next.u, next.v);
     if (known != kNone) sum += lane.weight * known_[known];
-    lane.last = true;
+    lane.last = true;  // and one more ray where a lamp may be close
   }
   if (maxChannel(lane.weight) <= 0) return end();
   constexpr uint32_t kSure = 2;
@@ -266,7 +294,7 @@ void PathGatherer::gather(std::span<GatherPath> paths) const {
     if (!lampChance_.empty()) addLight(toLamps, busy);
     if (!lights_.empty()) addLight(toPunctual, busy);
     for (uint32_t k = 0; k < busy; ++k) {
-      if (lanes[k].last) lanes[k].path = nullptr;
+      if (lanes[k].last && !closeToLamps(lanes[k].point)) lanes[k].path = nullptr;
     }
     tracer_.intersect(rays, busy, hits);
     for (uint32_t k = 0; k < busy; ++k) {

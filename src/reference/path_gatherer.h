@@ -1,10 +1,11 @@
 // Irradiance of the continuous scene at a point, by paths: no patches, no form factors, no mesh error. Light of lamps apart, of
-// punctual lights and of their images in planar mirrors is sampled at every point of a path by a shadow ray, everything else is
-// met. What glass and mirrors of other shapes pass on of punctual lights is missing: no path meets them.
+// punctual lights and of their images in planar mirrors is sampled at every point of a path by a shadow ray, where no lamp is
+// close; everything else is met. What glass and mirrors of other shapes pass on of punctual lights is missing: no path meets them.
 #pragma once
 
 #include "base/sobol.h"
 #include "light/lamp_images.h"
+#include "light/specular_light.h"
 #include "trace/ray_tree.h"
 
 #include <optional>
@@ -35,6 +36,13 @@ class PathGatherer {
   // RowShares, per patch. `patches` must outlive this.
   void endWith(const PatchSet& patches, std::span<const Rgb> irradiance, const std::vector<double>& exposed);
 
+  // From here on, what mirrors and glass pass on of lamps apart and of punctual lights straight to where a path starts is left out,
+  // unless by images: few paths meet it. It is to be added as it is followed from the lamps, to `patches`, those of the
+  // constructor; `exposed` as in RowShares.
+  void leaveOutFollowed() { leaveOutFollowed_ = true; }
+  SpecularLight follow(const PatchSet& patches, std::span<const double> exposed, size_t rays, uint64_t seed) const;
+  bool leavesOut() const { return leaveOutFollowed_ && patchesSpecular_ && ((!lamps_.empty() && !imagesOfLamps_) || missesLights_); }
+
   // Whether there are punctual lights whose way over mirrors and through glass is missing.
   bool missesLights() const { return missesLights_; }
 
@@ -45,6 +53,8 @@ class PathGatherer {
   struct Lane;
   struct ShadowRays;
   void start(GatherPath& path, Lane& lane) const;
+  bool close(const Vec3& point, const Vec3& onLamp, uint32_t facet) const;
+  bool closeToLamps(const Vec3& point) const;
   std::pair<size_t, double> chooseLamp(const Lane& lane, double& s) const;
   void light(Lane& lane, uint32_t k, ShadowRays& toLamps, ShadowRays& toPunctual) const;
   void lightPunctual(Lane& lane, uint32_t k, ShadowRays& toPunctual) const;
@@ -60,6 +70,7 @@ class PathGatherer {
   std::vector<PunctualLight> lights_;     // and their images
   bool imagesOfLamps_ = false;            // are all among the lamps
   bool missesLights_ = false;
+  bool leaveOutFollowed_ = false, patchesSpecular_ = false;
   Rgb sky_;
   HitPatches hitPatches_;
   std::optional<HitPatches> knownPatches_;

@@ -1,6 +1,7 @@
 // The error of H that a run of the program has reached, on the same patches (front sides). The reference is final gathering from
 // random points of every patch: direct light there by shadow rays, and one ray to a surface, where direct light is sampled again
-// and a much finer solution of the scene says what else there is. What that solution errs by reaches a patch as a mean over all
+// and a much finer solution of the scene says what else there is; what glass and curved mirrors pass on of lamps straight to a
+// patch is followed from them. What that solution errs by reaches a patch as a mean over all
 // directions; how far it does, gathering paths tell that follow light to its end, in means over surfaces (agreement).
 #pragma once
 
@@ -117,9 +118,15 @@ class Judge {
   GatheredIrradiance gather(const PatchSet& patches, double seconds, bool finally) const {
     const LampPlan lamps = chooseLamps(facets_, patches, {});
     PathGatherer gatherer(tracer_, facets_, patches, scene_, lamps, Rgb(0), {});
-    if (finally) gatherer.endWith(fine_->patches(), known_, exposed_);
+    if (finally) {
+      gatherer.endWith(fine_->patches(), known_, exposed_);
+      gatherer.leaveOutFollowed();
+    }
     const PatchSet* set = &patches;
-    return gatherIrradiance(gatherer, tracer_, facets_, std::span(&set, 1), seconds, 77, [](double) {})[0];
+    const double gathering = gatherer.leavesOut() ? 0.5 * seconds : seconds;
+    GatheredIrradiance g = gatherIrradiance(gatherer, tracer_, facets_, std::span(&set, 1), gathering, 77, [](double) {})[0];
+    addFollowed(gatherer, patches, seconds - gathering, 78, g);
+    return g;
   }
 
   Log log_;
