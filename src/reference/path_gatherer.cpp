@@ -69,9 +69,6 @@ PathGatherer::PathGatherer(const Tracer& tracer, const FacetSet& facets, const P
     missesLights_ = !lights_.empty() && !ofLights;
     if (!images && !ofLights) mirrors_.reset();
   }
-  double total = 0;
-  for (const Lamp& lamp : lamps_) lampChance_.push_back(total += lamp.area * luminance(lamp.emission));
-  for (double& chance : lampChance_) chance /= total;
   for (const Surface& s : scene.surfaces) {
     const Material& m = scene.materials[s.material];
     varies_.push_back(m.textured() || !s.colors.empty() ? 1 : 0);
@@ -114,28 +111,24 @@ void PathGatherer::start(GatherPath& path, Lane& lane) const {
   lane.setDirection(a, b);
 }
 
-// Where a path starts, and where final gathering ends it, by about what each lamp brings there unless something is in between:
-// never 0 for one that may bring something. Elsewhere by their power. `s`, a number in [0,1), is used up and made anew. All lamps:
-// none brings anything.
+// By about what each lamp brings unless something is in between: never 0 for one that may bring something. `s`, a number in
+// [0,1), is used up and made anew. All lamps: none brings anything.
 std::pair<size_t, double> PathGatherer::chooseLamp(const Lane& lane, double& s) const {
   const size_t count = lamps_.size();
-  std::span<const double> sums = lampChance_;  // cumulative
-  thread_local std::vector<double> here;
-  if ((lane.depth == 0 || lane.last) && count > 1) {
-    here.resize(count);
-    double sum = 0;
-    for (size_t l = 0; l < count; ++l) {
-      const Lamp& lamp = lamps_[l];
-      const Vec3 d = lamp.centre - lane.point;
-      const double above = glm::dot(lane.normal, d) + lamp.radius, there = -glm::dot(lamp.normal, d);
-      const double squared = std::max(glm::dot(d, d), lamp.radius * lamp.radius);
-      if (above > 0 && there > 0) sum += lamp.area * luminance(lamp.emission) * above * there / (squared * squared);
-      here[l] = sum;
-    }
-    if (sum <= 0) return {count, 0.0};
-    for (double& x : here) x /= sum;
-    sums = here;
+  if (count == 1) return {0, 1.0};
+  thread_local std::vector<double> sums;  // cumulative
+  sums.resize(count);
+  double sum = 0;
+  for (size_t l = 0; l < count; ++l) {
+    const Lamp& lamp = lamps_[l];
+    const Vec3 d = lamp.centre - lane.point;
+    const double above = glm::dot(lane.normal, d) + lamp.radius, there = -glm::dot(lamp.normal, d);
+    const double squared = std::max(glm::dot(d, d), lamp.radius * lamp.radius);
+    if (above > 0 && there > 0) sum += lamp.area * luminance(lamp.emission) * above * there / (squared * squared);
+    sums[l] = sum;
   }
+  if (sum <= 0) return {count, 0.0};
+  for (double& x : sums) x /= sum;
   const size_t which = std::min<size_t>(static_cast<size_t>(std::upper_bound(sums.begin(), sums.end(), s) - sums.begin()), count - 1);
   const double before = which > 0 ? sums[which - 1] : 0, chance = sums[which] - before;
   s = std::min((s - before) / chance, 1.0);
@@ -163,7 +156,7 @@ void PathGatherer::light(Lane& lane, uint32_t k, ShadowRays& toLamps, ShadowRays
   toLamps.clear(k);
   toPunctual.clear(k);
   const Vec3 from = lane.point + lane.offset * lane.normal;
-  if (!lampChance_.empty()) {
+  if (!lamps_.empty()) {
     double s = lane.next(), t = lane.next();
     const auto [which, chance] = chooseLamp(lane, s);
     if (which == lamps_.size()) return lightPunctual(lane, k, toPunctual);
@@ -291,7 +284,7 @@ void PathGatherer::gather(std::span<GatherPath> paths) const {
       }
     }
     if (busy == 0) return;
-    if (!lampChance_.empty()) addLight(toLamps, busy);
+    if (!lamps_.empty()) addLight(toLamps, busy);
     if (!lights_.empty()) addLight(toPunctual, busy);
     for (uint32_t k = 0; k < busy; ++k) {
       if (lanes[k].last && !closeToLamps(lanes[k].point)) lanes[k].path = nullptr;

@@ -76,7 +76,6 @@ class PathGatherer {
   std::optional<HitPatches> knownPatches_;
   std::vector<Rgb> known_;  // [its patches] irradiance without that of lamps
   RayTree tree_;
-  std::vector<double> lampChance_;   // by power, cumulative
   std::vector<uint8_t> varies_;      // [surfaces] optics depend on the place
   std::vector<Optics> constant_;     // [surfaces] of those that do not
 };
