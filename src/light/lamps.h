@@ -17,7 +17,7 @@ struct Lamp {
   double area = 0;    // [unit coordinates squared]
   double radius = 0;  // around the centre [unit coordinates]
   Rgb emission{0};    // exitance E [flux per area]
-  uint32_t facet = 0;
+  uint32_t facet = 0;  // that it is, or is a cell of
   std::vector<uint32_t> mirrors;  // of an image: those on the way to the lamp (lamp_images.h)
 };
 

@@ -140,17 +140,17 @@ void addFollowed(const PathGatherer& gatherer, const PatchSet& patches, double s
   std::array<std::vector<Rgb>, 2> sums;
   for (auto& sum : sums) sum.assign(patches.size(), Rgb(0));
   const Stopwatch watch;
-  double rounds = 0;
+  uint32_t rounds = 0;
   do {
     for (size_t h = 0; h < 2; ++h) {
       constexpr size_t kRays = size_t{1} << 20;
-      const SpecularLight light = gatherer.follow(patches, gathered.exposed, kRays, mixBits(seed + 2 * static_cast<uint64_t>(rounds) + h));
+      const SpecularLight light = gatherer.follow(patches, gathered.exposed, kRays, mixBits(seed + 2 * rounds + h));
       for (size_t i = 0; i < patches.size(); ++i) sums[h][i] += light.irradiance[i];
     }
     ++rounds;
   } while (watch.seconds() < seconds);
   for (size_t h = 0; h < 2; ++h) {
-    for (size_t i = 0; i < patches.size(); ++i) gathered.half[h][i] += sums[h][i] / rounds;
+    for (size_t i = 0; i < patches.size(); ++i) gathered.half[h][i] += sums[h][i] / static_cast<double>(rounds);
   }
 }
 

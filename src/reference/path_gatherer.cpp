@@ -135,10 +135,11 @@ std::pair<size_t, double> PathGatherer::chooseLamp(const Lane& lane, double& s) 
   return {which, chance};
 }
 
-// Light of a lamp is sampled by its points, or met, where it is this close: shadow rays to points of a lamp that a surface touches
-// have no finite variance there, and what the cosine finds is never more than its exitance.
+// Light of a lamp is sampled by its points, or met, from those that are this close. Where a surface touches a lamp, what a point at
+// distance r brings goes as r^-2, and its square over points of both (r^2 dr) has no finite integral: shadow rays have no finite
+// variance. What rays by the cosine find there is never more than the exitance.
 bool PathGatherer::close(const Vec3& point, const Vec3& onLamp, uint32_t facet) const {
-  constexpr double kClose = 0.25;  // of the lamp's area
+  constexpr double kClose = 0.25;  // squared distance, in areas of the lamp's facet
   const Vec3 d = onLamp - point;
   return glm::dot(d, d) < kClose * facets_.facets[facet].area;
 }

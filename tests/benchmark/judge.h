@@ -1,8 +1,8 @@
 // The error of H that a run of the program has reached, on the same patches (front sides). The reference is final gathering from
 // random points of every patch: direct light there by shadow rays, and one ray to a surface, where direct light is sampled again
-// and a much finer solution of the scene says what else there is; what glass and curved mirrors pass on of lamps straight to a
-// patch is followed from them. What that solution errs by reaches a patch as a mean over all
-// directions; how far it does, gathering paths tell that follow light to its end, in means over surfaces (agreement).
+// and a much finer solution of the scene says what else there is; what glass and mirrors without images of the lamps pass on of them
+// straight to a patch is followed from them. What that solution errs by reaches a patch as a mean over all directions; how far it
+// does, gathering paths tell that follow light to its end, in means over surfaces (agreement).
 #pragma once
 
 #include "cli/adapting.h"
