@@ -1,6 +1,7 @@
 #include "solve/gather.h"
 
 #include <algorithm>
+#include <bit>
 #include <cstring>
 #include <type_traits>
 
@@ -47,39 +48,90 @@ template <size_t Channels, typename Factor, typename Number, size_t Rows>
   }
 }
 
-// Four entries of a list side by side, to hide the latency of additions. What follows in memory is mostly the next row, so
-// it is asked for ahead.
-template <size_t Channels, bool Weighted, typename Number>
-[[gnu::always_inline]] inline void listLoop(const ListRow& row, const Number* b, double (&sums)[Channels]) {
-  constexpr size_t kStride = Channels == 3 ? 4 : 1, kSide = 4, kAhead = 256, kPerLine = 16, kTogether = 64;
-  using Values = std::conditional_t<kStride == 1, Number, Vector<Number, 4>>;
-  using Sums = std::conditional_t<kStride == 1, double, Vector<double, 4>>;
-  Sums sum{};
-  size_t k = 0;
-  while (k < row.count) {
-    Values part[kSide] = {};
+// Lists follow each other in memory: what comes is asked for ahead, mostly of the next row.
+template <bool Weighted>
+[[gnu::always_inline]] inline void askAhead(const ListRow& row, size_t k) {
+  constexpr size_t kAhead = 256;
+  __builtin_prefetch(row.ids + k + kAhead);
+  if constexpr (Weighted) __builtin_prefetch(row.values + k + kAhead);
+}
+
+constexpr size_t kListTogether = 64, kListLine = 16;  // entries added up before they go to a sum in double; in a line of memory
+
+// Four entries of a list side by side, to hide the latency of additions.
+template <bool Weighted, typename Number>
+[[gnu::always_inline]] inline void listLoop(const ListRow& row, const Number* b, double (&sums)[1]) {
+  constexpr size_t kSide = 4;
+  sums[0] = 0;
+  for (size_t k = 0; k < row.count;) {
+    Number part[kSide] = {};
     const auto add = [&](size_t l) __attribute__((always_inline)) {
-      Values from;
-      std::memcpy(&from, b + kStride * row.ids[k + l], sizeof from);
+      const Number from = b[row.ids[k + l]];
       if constexpr (Weighted)
         part[l % kSide] += static_cast<Number>(row.values[k + l]) * from;
       else
         part[l % kSide] += from;
     };
-    const size_t last = std::min(row.count, k + kTogether);
-    for (; k + kPerLine <= last; k += kPerLine) {
-      __builtin_prefetch(row.ids + k + kAhead);
-      if constexpr (Weighted) __builtin_prefetch(row.values + k + kAhead);
+    const size_t last = std::min(row.count, k + kListTogether);
+    for (; k + kListLine <= last; k += kListLine) {
+      askAhead<Weighted>(row, k);
 #pragma GCC unroll 16
-      for (size_t l = 0; l < kPerLine; ++l) add(l);
+      for (size_t l = 0; l < kListLine; ++l) add(l);
     }
     for (size_t l = 0; l < last - k; ++l) add(l);
     k = last;
-    const Values all = (part[0] + part[1]) + (part[2] + part[3]);
-    if constexpr (kStride == 1)
-      sum += static_cast<double>(all);
-    else
-      sum += __builtin_convertvector(all, Sums);
+    sums[0] += static_cast<double>((part[0] + part[1]) + (part[2] + part[3]));
+  }
+}
+
+// Loads are what processors run out of here: ids and values are read eight at once, entries are added in pairs.
+template <bool Weighted, typename Number>
+[[gnu::always_inline]] inline void listLoop(const ListRow& row, const Number* b, double (&sums)[3]) {
+  static_assert(std::endian::native == std::endian::little);
+  using Four = Vector<Number, 4>;
+  using Pair = Vector<Number, 2 * 4>;
+  constexpr size_t kPairs = 4, kTogether = 2 * kPairs;
+  Vector<double, 4> sum{};
+  for (size_t k = 0; k < row.count;) {
+    Pair part[kPairs] = {};
+    const auto addTogether = [&](size_t at) __attribute__((always_inline)) {
+      uint64_t ids[kPairs];
+      std::memcpy(ids, row.ids + at, sizeof ids);
+      Pair values;
+      if constexpr (Weighted) load<float, Number>(row.values + at, values);
+      const auto add = [&]<int L>(std::integral_constant<int, L>) __attribute__((always_inline)) {
+        Four first, second;
+        std::memcpy(&first, b + size_t{4} * static_cast<uint32_t>(ids[L]), sizeof first);
+        std::memcpy(&second, b + size_t{4} * (ids[L] >> 32), sizeof second);
+        const Pair from = __builtin_shufflevector(first, second, 0, 1, 2, 3, 4, 5, 6, 7);
+        if constexpr (Weighted)
+          part[L] += __builtin_shufflevector(values, values, 2 * L, 2 * L, 2 * L, 2 * L, 2 * L + 1, 2 * L + 1, 2 * L + 1, 2 * L + 1) * from;
+        else
+          part[L] += from;
+      };
+      add(std::integral_constant<int, 0>{});
+      add(std::integral_constant<int, 1>{});
+      add(std::integral_constant<int, 2>{});
+      add(std::integral_constant<int, 3>{});
+    };
+    Four rest{};
+    const size_t last = std::min(row.count, k + kListTogether);
+    for (; k + kListLine <= last; k += kListLine) {
+      askAhead<Weighted>(row, k);
+      addTogether(k);
+      addTogether(k + kTogether);
+    }
+    for (; k < last; ++k) {
+      Four from;
+      std::memcpy(&from, b + size_t{4} * row.ids[k], sizeof from);
+      if constexpr (Weighted)
+        rest += static_cast<Number>(row.values[k]) * from;
+      else
+        rest += from;
+    }
+    const Pair all = (part[0] + part[1]) + (part[2] + part[3]);
+    rest += __builtin_shufflevector(all, all, 0, 1, 2, 3) + __builtin_shufflevector(all, all, 4, 5, 6, 7);
+    sum += __builtin_convertvector(rest, decltype(sum));
   }
   std::memcpy(sums, &sum, sizeof sums);
 }
@@ -99,7 +151,7 @@ template <size_t Channels, bool Weighted, typename Number>
     }                                                                                                                      \
     template <size_t Channels, bool Weighted, typename Number>                                                             \
     TARGET static void list(const ListRow& row, const Number* b, double (&sums)[Channels]) {                               \
-      listLoop<Channels, Weighted, Number>(row, b, sums);                                                                  \
+      listLoop<Weighted, Number>(row, b, sums);                                                                  \
     }                                                                                                                      \
   };
 // NOLINTEND(bugprone-macro-parentheses)
