@@ -10,6 +10,8 @@ class Neighbourhood {
  public:
   explicit Neighbourhood(const PatchSet& patches);
 
+  std::span<const uint32_t> order() const { return order_; }
+
   // Mean of [patches] values over the 2 half + 1 patches around each in the order, shorter at its ends.
   std::vector<double> smoothed(const std::vector<double>& values, size_t half) const;
 

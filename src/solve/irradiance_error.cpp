@@ -12,6 +12,13 @@ namespace farol {
 namespace {
 
 constexpr size_t kGroups = 96;  // of patches whose errors are carried on
+constexpr size_t kSmooth = 4;   // neighbours on each side whose laws are taken together
+
+Channels columnsOf(const std::vector<Rgb>& values) {
+  Channels columns(static_cast<Eigen::Index>(values.size()), 3);
+  for (size_t i = 0; i < values.size(); ++i) columns.row(static_cast<Eigen::Index>(i)) << values[i].r, values[i].g, values[i].b;
+  return columns;
+}
 
 // Radiosity that F carries: without the emission of emitters apart.
 std::vector<Rgb> carried(const PatchSet& patches, const DirectLight& direct, const Solution& s) {
@@ -23,17 +30,17 @@ std::vector<Rgb> carried(const PatchSet& patches, const DirectLight& direct, con
 }
 
 // Variance of one sample of what each row gathers, per channel, around what was gathered: the irradiance without direct light. (Of
-// channels with an F of their own it holds for that which f is of.)
+// channels with an F of their own it holds for that which f is of.) Made for one patch of three, which its neighbours share: three
+// are left where laws are smoothed.
 std::vector<Rgb> sampleVariance(const FormFactorMatrix& f, const DirectLight& direct, const Solution& solution, const std::vector<Rgb>& r,
-                                const Rgb& sky) {
-  Channels squares(static_cast<Eigen::Index>(r.size()), 3);
-  std::vector<size_t> rows(r.size());
-  for (size_t i = 0; i < r.size(); ++i) {
-    rows[i] = i;
-    squares.row(static_cast<Eigen::Index>(i)) << r[i].r * r[i].r, r[i].g * r[i].g, r[i].b * r[i].b;
-  }
+                                const Rgb& sky, const Neighbourhood& near) {
+  constexpr size_t kShare = 3;
+  const std::span<const uint32_t> order = near.order();
+  const auto makerOf = [&](size_t k) { return order[std::min(k / kShare * kShare + kShare / 2, order.size() - 1)]; };
+  std::vector<size_t> rows;
+  for (size_t k = 0; k < order.size(); k += kShare) rows.push_back(makerOf(k));
   std::vector<Rgb> variance(r.size());
-  const Field field(std::move(squares), Reading::inFloat);
+  const Field field(columnsOf(r).cwiseAbs2(), Reading::inFloat);
   forParts(rows, [&](std::span<const size_t> part, size_t) {
     std::array<Eigen::RowVector3d, kRowsAtOnce> sums;
     gather(f, part, field, sums.data());
@@ -44,6 +51,7 @@ std::vector<Rgb> sampleVariance(const FormFactorMatrix& f, const DirectLight& di
       variance[i] = glm::max(square - mean * mean, Rgb(0));
     }
   });
+  for (size_t k = 0; k < order.size(); ++k) variance[order[k]] = variance[makerOf(k)];
   return variance;
 }
 
@@ -55,9 +63,11 @@ void carryOn(const FormFactorMatrix& f, const PatchSet& patches, const Neighbour
              std::span<const uint32_t> probes, std::span<const Rgb> bias, std::vector<Rgb>& variance) {
   const std::vector<uint32_t> groupOf = near.groups(kGroups);
   const auto n = static_cast<Eigen::Index>(1 + *std::max_element(groupOf.begin(), groupOf.end()));
+  std::vector<Rgb> reflectance(patches.size());  // by themselves, for the loop below to find in the cache
+  for (size_t i = 0; i < reflectance.size(); ++i) reflectance[i] = patches.patches[i].reflectance;
   std::vector<std::vector<Rgb>> reflected(probes.size(), std::vector<Rgb>(static_cast<size_t>(n), Rgb(0)));  // F rho, by group
   tbb::parallel_for(size_t{0}, probes.size(), [&](size_t k) {
-    f[probes[k]].forEach([&](size_t j, double value) { reflected[k][groupOf[j]] += value * patches.patches[j].reflectance; });
+    f[probes[k]].forEach([&](size_t j, double value) { reflected[k][groupOf[j]] += value * reflectance[j]; });
   });
   tbb::parallel_for(0, 3, [&](int c) {
     Eigen::VectorXd area = Eigen::VectorXd::Zero(n), v = area, rows = area, b = area;
@@ -89,7 +99,7 @@ void carryOn(const FormFactorMatrix& f, const PatchSet& patches, const Neighbour
 // take its error for theirs.
 std::vector<double> scaled(const Neighbourhood& near, const std::vector<double>& law, std::span<const uint32_t> probes,
                            const std::vector<double>& squares, const std::vector<double>& exposed) {
-  constexpr size_t kSmooth = 4, kWindow = 24;
+  constexpr size_t kWindow = 24;
   constexpr double kLaw = 0.75;
   const std::vector<double> smooth = near.smoothed(law, kSmooth);
   std::vector<double> result(law.size(), 0.0);
@@ -123,15 +133,20 @@ std::vector<Rgb> irradianceError(const FormFactorMatrix& f, const PatchSet& patc
   std::vector<double> law(n), squares(probes);
   std::vector<Rgb> bias(probes, Rgb(0)), found(probes);
   if (replicates.rows) {
-    variance = sampleVariance(f, direct, solution, r, sky);
+    variance = sampleVariance(f, direct, solution, r, sky, near);
     for (Rgb& v : variance) v /= samples;
-    tbb::parallel_for(size_t{0}, probes, [&](size_t k) {
-      const uint32_t p = replicates.patches[k];
-      Rgb change = (f.shares(p).missed - replicates.rows->shares(p).missed) * sky;
-      f[p].forEach([&](size_t j, double value) { change += value * r[j]; });
-      (*replicates.rows)[p].forEach([&](size_t j, double value) { change -= value * r[j]; });
-      found[k] = (replicates.better ? 1.0 : 0.5) * change * change;
-      if (replicates.better) bias[k] = change;
+    const Field field(columnsOf(r));
+    const std::vector<size_t> rows(replicates.patches.begin(), replicates.patches.end());
+    forParts(rows, [&](std::span<const size_t> part, size_t at) {
+      std::array<Eigen::RowVector3d, kRowsAtOnce> own, again;
+      gather(f, part, field, own.data());
+      gather(*replicates.rows, part, field, again.data());
+      for (size_t k = 0; k < part.size(); ++k) {
+        const Eigen::RowVector3d carries = own[k] - again[k];
+        const Rgb change = (f.shares(part[k]).missed - replicates.rows->shares(part[k]).missed) * sky + Rgb(carries[0], carries[1], carries[2]);
+        found[at + k] = (replicates.better ? 1.0 : 0.5) * change * change;
+        if (replicates.better) bias[at + k] = change;
+      }
     });
     for (int c = 0; c < 3; ++c) {
       for (size_t i = 0; i < n; ++i) law[i] = variance[i][c];
