@@ -2,6 +2,7 @@
 
 #include "base/error.h"
 #include "base/machine.h"
+#include "chart/schedule.h"
 #include "cli/choices.h"
 #include "cli/trials.h"
 #include "formfactor/error_model.h"
@@ -139,13 +140,6 @@ class RowReference {
   double seen_ = 0;
 };
 
-// The settings left of one family at one size.
-struct Queue {
-  const Family* family;
-  size_t size, next = 0;
-  double predicted = 0;  // seconds of the next setting
-};
-
 double workOf(const Setting& s) { return samplesOf(s.spec) + 1; }
 
 class Measurement {
@@ -253,35 +247,34 @@ class Measurement {
 
   void measure(Chart& chart, Progress& progress) {
     families_ = familiesFor(scene_, facets_, scenes_[0]->patches(), anyLamps_);
-    std::vector<Queue> queues;
+    Schedule schedule;
+    std::vector<std::pair<const Family*, size_t>> queues;  // and size
     for (const Family& f : families_) {
+      std::vector<double> work;
+      for (const Setting& s : f.settings) work.push_back(workOf(s));
       for (size_t s = 0; s < scenes_.size(); ++s) {
-        // A first guess that only orders them. A software device spends its time on facets, not on pixels.
+        // A software device spends its time on facets, not on pixels.
         constexpr double kPerSample = 1e-8, kPerFacet = 1e-7, kLeast = 1e-3;
-        const double perRow = kPerSample * workOf(f.settings[0]) + (f.settings[0].spec.hemicubes() ? kPerFacet * static_cast<double>(facets_.facets.size()) : 0);
-        queues.push_back({&f, s, 0, perRow * static_cast<double>(scenes_[s]->patches().size()) + kLeast});
+        const bool hemicubes = f.settings[0].spec.hemicubes();
+        const double perRow = kPerSample * work[0] + (hemicubes ? kPerFacet * static_cast<double>(facets_.facets.size()) : 0);
+        schedule.add(hemicubes ? 1 : 0, perRow * static_cast<double>(scenes_[s]->patches().size()) + kLeast, work);
+        queues.emplace_back(&f, s);
       }
     }
     size_t done = 0;
-    while (!queues.empty()) {
-      const auto cheapest = std::min_element(queues.begin(), queues.end(), [](const Queue& a, const Queue& b) { return a.predicted < b.predicted; });
+    while (const auto next = schedule.next()) {
       // However slow the machine, a few are measured: a chart has something to show.
       constexpr double kMargin = 1.2;
       constexpr size_t kAlways = 3;
-      if (done >= kAlways && watch_.seconds() + kMargin * cheapest->predicted > options_.time) {
+      if (done >= kAlways && watch_.seconds() + kMargin * next->seconds > options_.time) {
         chart.complete = false;
         return;
       }
-      const Family& family = *cheapest->family;
-      const Setting& setting = family.settings[cheapest->next];
-      const Stopwatch took;
-      chart.points.push_back(measureOne(family.name, setting, cheapest->size));
+      const auto& [family, size] = queues[next->queue];
+      const Stopwatch watch;
+      chart.points.push_back(measureOne(family->name, family->settings[next->setting], size));
+      schedule.took(watch.seconds(), chart.points.back().repeats * chart.points.back().rowSeconds);
       progress.update(++done);
-      if (++cheapest->next == family.settings.size()) {
-        queues.erase(cheapest);
-      } else {
-        cheapest->predicted = took.seconds() * workOf(family.settings[cheapest->next]) / workOf(setting);
-      }
     }
   }
 

@@ -1,4 +1,5 @@
 #include "chart/chart.h"
+#include "chart/schedule.h"
 
 #include <cmath>
 #include <gtest/gtest.h>
@@ -21,6 +22,25 @@ TEST(Chart, FrontIsWhatNothingBeats) {
   markFront(points);
   const bool expected[] = {true, false, true, false, true, true, false};  // the last: no better than the reference can tell
   for (size_t k = 0; k < points.size(); ++k) EXPECT_EQ(points[k].onFront, expected[k]) << k;
+}
+
+// Two methods of one kind that takes a hundred times what is guessed, and one of another that takes what is guessed: after the first of
+// the slow kind the other comes before it, as long as it is cheaper. Half a second of a setting does not sample, and five of the slow kind.
+TEST(Schedule, MeasuresTheCheapestFirst) {
+  Schedule schedule;
+  schedule.add(0, 1.0, {1, 2, 4, 100});
+  schedule.add(1, 0.5, {1, 10});
+  schedule.add(1, 0.6, {1, 10});
+  const double seconds[3][4] = {{1, 1.5, 2.5, 50.5}, {50, 455}, {60, 555}};
+  std::vector<std::pair<size_t, size_t>> order;
+  while (const auto next = schedule.next()) {
+    const double took = seconds[next->queue][next->setting], fixed = next->queue == 0 ? 0.5 : 5;
+    const bool guessed = order.empty();
+    EXPECT_NEAR(next->seconds, guessed ? 0.5 : took, 1e-9) << next->queue << " " << next->setting;
+    order.emplace_back(next->queue, next->setting);
+    schedule.took(took, took - fixed);
+  }
+  EXPECT_EQ(order, (std::vector<std::pair<size_t, size_t>>{{1, 0}, {0, 0}, {0, 1}, {0, 2}, {0, 3}, {2, 0}, {1, 1}, {2, 1}}));
 }
 
 TEST(Chart, LawsAreFittedWhereRowsAreSampled) {
