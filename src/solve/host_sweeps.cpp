@@ -58,6 +58,24 @@ struct Spanned {
   }
 };
 
+// Rows of vectors that are worked on together, on all cores: what is summed over them is the same to the last bit on any number of
+// cores. `use(rows first to first + count, sums)` adds to Count x 3 sums, a column per channel.
+constexpr Eigen::Index kRowsTogether = 2048;
+template <int Count>
+using Sums = Eigen::Matrix<double, Count, 3>;
+
+template <int Count, typename Use>
+Sums<Count> summed(Eigen::Index rows, const Use& use) {
+  std::vector<Sums<Count>> parts(static_cast<size_t>((rows + kRowsTogether - 1) / kRowsTogether), Sums<Count>::Zero());
+  tbb::parallel_for(size_t{0}, parts.size(), [&](size_t part) {
+    const Eigen::Index first = static_cast<Eigen::Index>(part) * kRowsTogether;
+    use(first, std::min(kRowsTogether, rows - first), parts[part]);
+  });
+  Sums<Count> all = Sums<Count>::Zero();
+  for (const auto& part : parts) all += part;
+  return all;
+}
+
 }  // namespace
 
 HostSweeps::HostSweeps(const System& system, const PatchSet& patches) : system_(system), weights_(system.reflectance) {
@@ -87,13 +105,19 @@ Reflections HostSweeps::conjugateResiduals(const Channels& r, size_t mostSweeps,
   // What lies on black patches is reflected once, and is no part of the residual afterwards.
   Channels residual = system_.reflectOnce(Field(r, reading()));
   result.changes.push_back(largest(residual));
-  std::vector<Channels> directions(kDirections), images(kDirections);
+  std::vector<Channels> directions(kDirections), images(kDirections, Channels(r.rows(), 3));
   std::array<Spanned, 3> spanned;
   Field packed(residual);
-  const auto dot = [&](Eigen::Index c, const Channels& u, const Channels& v) {
-    return u.col(c).cwiseProduct(weights_.col(c)).dot(v.col(c));
+  const Eigen::Index rows = r.rows();
+  const auto squaresOf = [&](const Channels& v) {
+    return summed<1>(rows, [&](Eigen::Index first, Eigen::Index count, Sums<1>& sums) {
+      sums = (weights_.middleRows(first, count).array() * v.middleRows(first, count).array().square()).colwise().sum();
+    });
   };
-  for (Eigen::Index c = 0; c < 3; ++c) spanned[static_cast<size_t>(c)].left = std::sqrt(dot(c, residual, residual));
+  const auto tellLeft = [&](const Sums<1>& squares) {
+    for (int c = 0; c < 3; ++c) spanned[static_cast<size_t>(c)].left = std::sqrt(squares[c]);
+  };
+  tellLeft(squaresOf(residual));
   const auto lookAtRadius = [&] {
     for (const Spanned& own : spanned) result.radius = std::max(result.radius, own.radius());
   };
@@ -108,26 +132,52 @@ Reflections HostSweeps::conjugateResiduals(const Channels& r, size_t mostSweeps,
     Channels &p = directions[k % kDirections], &image = images[k % kDirections];
     p = residual;
     packed.assign(residual, reading());
-    image = residual - system_.reflectOnce(packed);
-    tbb::parallel_for(Eigen::Index{0}, Eigen::Index{3}, [&](Eigen::Index c) {
-      Spanned& own = spanned[static_cast<size_t>(c)];
-      for (size_t j = k < kDirections ? 0 : k + 1 - kDirections; j < k; ++j) {
-        const double part = dot(c, images[j % kDirections], image);
-        own.add(j, k, part);
-        image.col(c) -= part * images[j % kDirections].col(c);
-        p.col(c) -= part * directions[j % kDirections].col(c);
+    const Channels reflected = system_.reflectOnce(packed);
+    const size_t oldest = k < kDirections ? 0 : k + 1 - kDirections;
+    // Images are orthonormal: what of the new one lies along each can be told at once.
+    const auto along = summed<kDirections>(rows, [&](Eigen::Index first, Eigen::Index count, auto& sums) {
+      image.middleRows(first, count) = residual.middleRows(first, count) - reflected.middleRows(first, count);
+      const Channels weighted = weights_.middleRows(first, count).cwiseProduct(image.middleRows(first, count));
+      for (size_t j = oldest; j < k; ++j) {
+        const auto at = static_cast<Eigen::Index>(j % kDirections);
+        sums.row(at) = images[j % kDirections].middleRows(first, count).cwiseProduct(weighted).colwise().sum();
       }
-      const double norm = std::sqrt(dot(c, image, image));
-      if (own.left <= kRounding * std::abs(own.steps.empty() ? own.left : own.steps[0])) return;  // nothing, or dark
-      own.add(k, k, norm);
-      image.col(c) /= norm;
-      p.col(c) /= norm;
-      const double step = dot(c, image, residual);
-      own.steps.push_back(step);
-      result.sum.col(c) += step * p.col(c);
-      residual.col(c) -= step * image.col(c);
-      own.left = std::sqrt(dot(c, residual, residual));
     });
+    // Of what is left of it: its square, and its product with the residual.
+    const auto left = summed<2>(rows, [&](Eigen::Index first, Eigen::Index count, Sums<2>& sums) {
+      const auto weights = weights_.middleRows(first, count).array();
+      for (Eigen::Index c = 0; c < 3; ++c) {
+        for (size_t j = oldest; j < k; ++j) {
+          const double part = along(static_cast<Eigen::Index>(j % kDirections), c);
+          image.col(c).segment(first, count) -= part * images[j % kDirections].col(c).segment(first, count);
+          p.col(c).segment(first, count) -= part * directions[j % kDirections].col(c).segment(first, count);
+        }
+      }
+      sums.row(0) = (weights * image.middleRows(first, count).array().square()).colwise().sum();
+      sums.row(1) = (weights * image.middleRows(first, count).array() * residual.middleRows(first, count).array()).colwise().sum();
+    });
+    Sums<1> steps = Sums<1>::Zero(), shares = Sums<1>::Ones();
+    for (Eigen::Index c = 0; c < 3; ++c) {
+      Spanned& own = spanned[static_cast<size_t>(c)];
+      for (size_t j = oldest; j < k; ++j) own.add(j, k, along(static_cast<Eigen::Index>(j % kDirections), c));
+      if (own.left <= kRounding * std::abs(own.steps.empty() ? own.left : own.steps[0])) continue;  // nothing, or dark
+      const double norm = std::sqrt(left(0, c));
+      own.add(k, k, norm);
+      shares[c] = 1 / norm;
+      steps[c] = left(1, c) / norm;
+      own.steps.push_back(steps[c]);
+    }
+    const auto squares = summed<1>(rows, [&](Eigen::Index first, Eigen::Index count, Sums<1>& sums) {
+      for (Eigen::Index c = 0; c < 3; ++c) {
+        auto own = image.col(c).segment(first, count), direction = p.col(c).segment(first, count), rest = residual.col(c).segment(first, count);
+        own *= shares[c];
+        direction *= shares[c];
+        result.sum.col(c).segment(first, count) += steps[c] * direction;
+        rest -= steps[c] * own;
+        sums[c] = weights_.col(c).segment(first, count).dot(rest.cwiseAbs2());
+      }
+    });
+    tellLeft(squares);
     result.changes.push_back(largest(residual));
   }
   lookAtRadius();
