@@ -151,7 +151,7 @@ template <bool Weighted, typename Number>
     }                                                                                                                      \
     template <size_t Channels, bool Weighted, typename Number>                                                             \
     TARGET static void list(const ListRow& row, const Number* b, double (&sums)[Channels]) {                               \
-      listLoop<Weighted, Number>(row, b, sums);                                                                  \
+      listLoop<Weighted, Number>(row, b, sums);                                                                            \
     }                                                                                                                      \
   };
 // NOLINTEND(bugprone-macro-parentheses)

@@ -109,15 +109,12 @@ Reflections HostSweeps::conjugateResiduals(const Channels& r, size_t mostSweeps,
   std::array<Spanned, 3> spanned;
   Field packed(residual);
   const Eigen::Index rows = r.rows();
-  const auto squaresOf = [&](const Channels& v) {
-    return summed<1>(rows, [&](Eigen::Index first, Eigen::Index count, Sums<1>& sums) {
-      sums = (weights_.middleRows(first, count).array() * v.middleRows(first, count).array().square()).colwise().sum();
-    });
-  };
   const auto tellLeft = [&](const Sums<1>& squares) {
     for (int c = 0; c < 3; ++c) spanned[static_cast<size_t>(c)].left = std::sqrt(squares[c]);
   };
-  tellLeft(squaresOf(residual));
+  tellLeft(summed<1>(rows, [&](Eigen::Index first, Eigen::Index count, Sums<1>& sums) {
+    sums = weights_.middleRows(first, count).cwiseProduct(residual.middleRows(first, count).cwiseAbs2()).colwise().sum();
+  }));
   const auto lookAtRadius = [&] {
     for (const Spanned& own : spanned) result.radius = std::max(result.radius, own.radius());
   };
