@@ -45,6 +45,34 @@ TEST(IrradianceError, OfDirectLightIsSmoothedAndKeepsItsChannels) {
   EXPECT_NEAR(box.errors()[100].r, 1, 1e-9);
 }
 
+// All rows gather a quarter of one patch, replicates three eighths: F errs by half of the square of that eighth, by all of it where
+// replicates are much better, and one standard deviation of what 24 of them tell is added. Nothing is reflected.
+TEST(IrradianceError, IsWhatReplicatesDifferBy) {
+  Box box;
+  const std::vector<uint32_t> source = {300};
+  box.solution.radiosity[source[0]] = Rgb(1, 0.5, 0);
+  Replicates replicates;
+  replicates.rows.emplace(box.f.size());
+  for (uint32_t i = 0; i < box.f.size(); ++i) {
+    box.patches.patches[i].reflectance = Rgb(0);
+    box.f.entries(i, source, std::vector<float>{0.25f});
+    box.f.finish(i, {});
+    if (i % 10 != 0) continue;
+    replicates.patches.push_back(i);
+    replicates.rows->entries(i, source, std::vector<float>{0.375f});
+    replicates.rows->finish(i, {});
+  }
+  for (const bool better : {false, true}) {
+    replicates.better = better;
+    const double expected = 0.125 * (better ? 1 : std::sqrt(0.5)) * (1 + 1 / std::sqrt(48));
+    for (const Rgb& e : irradianceError(box.f, box.patches, box.direct, box.solution, replicates, 256, Rgb(0))) {
+      ASSERT_NEAR(e.r, expected, 1e-6);
+      ASSERT_NEAR(e.g, 0.5 * expected, 1e-6);
+      ASSERT_EQ(e.b, 0);
+    }
+  }
+}
+
 // Of a patch that is nearly covered few shadow rays count: its neighbours do not err with it.
 TEST(IrradianceError, OfLittleExposedPatchesStaysTheirs) {
   Box box;

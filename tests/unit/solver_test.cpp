@@ -235,6 +235,29 @@ TEST(Solver, ConjugateResidualsWeighPatches) {
   for (size_t i = 0; i < 60; ++i) EXPECT_NEAR(few.radiosity[i].r, many.radiosity[i].r, 1e-8 * many.radiosity[0].r);
 }
 
+// Pairs of patches that see only each other, more than are summed together. As many sweeps as there are eigenvalues, plus and minus
+// each of four reflectances, are enough where every row counts in the choice of steps; of the first 2,048 all are alike.
+TEST(Solver, ConjugateResidualsLookAtAllRows) {
+  constexpr uint32_t n = 5000;
+  std::vector<double> rho(n), emission(n);
+  for (uint32_t i = 0; i < n; ++i) {
+    rho[i] = i < 2048 ? 0.1 : std::array{0.5, 0.8, 0.95}[i / 2 % 3];
+    emission[i] = 1 + i % 2;
+  }
+  GivenSystem given(std::vector<std::vector<double>>(n, std::vector<double>()), rho, emission);
+  for (uint32_t i = 0; i < n; ++i) {
+    given.f.entries(i, std::vector<uint32_t>{i ^ 1u}, std::vector<float>{1.0f});
+    given.f.finish(i, {});
+  }
+  const Solution solution = given.solve(SolverKind::conjugateResiduals, 1e-8);
+  EXPECT_LE(solution.sweeps, 10u);
+  EXPECT_NEAR(solution.contraction, 0.95, 1e-5);
+  for (uint32_t i = 0; i < n; ++i) {
+    const double exact = (emission[i] + rho[i] * emission[i ^ 1u]) / (1 - rho[i] * rho[i]);
+    ASSERT_NEAR(solution.radiosity[i].r, exact, 1e-6 * exact) << i;
+  }
+}
+
 // Rows that are nowhere near reciprocal: no norm is left in which conjugate residuals are sure to get on.
 TEST(Solver, SolvesWhatIsNotReciprocal) {
   GivenSystem given = chain(60, 0.99);
