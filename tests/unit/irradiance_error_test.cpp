@@ -1,8 +1,11 @@
 #include "solve/irradiance_error.h"
 
+#include "formfactor/neighbourhood.h"
 #include "test_scene.h"
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <gtest/gtest.h>
 
 using namespace farol;
@@ -31,6 +34,25 @@ struct Box {
   std::vector<Rgb> errors() const { return irradianceError(f, patches, direct, solution, {}, 256, Rgb(0)); }
 };
 
+// Makes all rows gather a quarter of patch `source`, which alone shines, and every tenth again, an eighth more. Nothing reflects.
+// kEighth: that eighth, with the standard deviation of what 24 replicates tell.
+const double kEighth = 0.125 * (1 + 1 / std::sqrt(48));
+Replicates eighthMore(Box& box, uint32_t source) {
+  box.solution.radiosity[source] = Rgb(1, 0.5, 0);
+  Replicates replicates;
+  replicates.rows.emplace(box.f.size());
+  for (uint32_t i = 0; i < box.f.size(); ++i) {
+    box.patches.patches[i].reflectance = Rgb(0);
+    box.f.entries(i, std::vector<uint32_t>{source}, std::vector<float>{0.25f});
+    box.f.finish(i, {});
+    if (i % 10 != 0) continue;
+    replicates.patches.push_back(i);
+    replicates.rows->entries(i, std::vector<uint32_t>{source}, std::vector<float>{0.375f});
+    replicates.rows->finish(i, {});
+  }
+  return replicates;
+}
+
 }  // namespace
 
 // Variances of nine neighbours are averaged, channel by channel.
@@ -49,28 +71,38 @@ TEST(IrradianceError, OfDirectLightIsSmoothedAndKeepsItsChannels) {
 // replicates are much better, and one standard deviation of what 24 of them tell is added. Nothing is reflected.
 TEST(IrradianceError, IsWhatReplicatesDifferBy) {
   Box box;
-  const std::vector<uint32_t> source = {300};
-  box.solution.radiosity[source[0]] = Rgb(1, 0.5, 0);
-  Replicates replicates;
-  replicates.rows.emplace(box.f.size());
-  for (uint32_t i = 0; i < box.f.size(); ++i) {
-    box.patches.patches[i].reflectance = Rgb(0);
-    box.f.entries(i, source, std::vector<float>{0.25f});
-    box.f.finish(i, {});
-    if (i % 10 != 0) continue;
-    replicates.patches.push_back(i);
-    replicates.rows->entries(i, source, std::vector<float>{0.375f});
-    replicates.rows->finish(i, {});
-  }
+  Replicates replicates = eighthMore(box, 300);
   for (const bool better : {false, true}) {
     replicates.better = better;
-    const double expected = 0.125 * (better ? 1 : std::sqrt(0.5)) * (1 + 1 / std::sqrt(48));
+    const double expected = kEighth * (better ? 1 : std::sqrt(0.5));
     for (const Rgb& e : irradianceError(box.f, box.patches, box.direct, box.solution, replicates, 256, Rgb(0))) {
       ASSERT_NEAR(e.r, expected, 1e-6);
       ASSERT_NEAR(e.g, 0.5 * expected, 1e-6);
       ASSERT_EQ(e.b, 0);
     }
   }
+}
+
+// Where that one patch reflects r, what its group of neighbours errs by, as the mean of so many patches, comes back to all groups
+// that have replicates: r/4 + (r/4)^2 + ... of it.
+TEST(IrradianceError, IsCarriedOnByWhatReflects) {
+  Box box;
+  constexpr uint32_t kSource = 300;
+  const Replicates replicates = eighthMore(box, kSource);
+  box.patches.patches[kSource].reflectance = Rgb(0.8);
+  const std::vector<uint32_t> groupOf = Neighbourhood(box.patches).groups(96);
+  const auto together = static_cast<double>(std::count(groupOf.begin(), groupOf.end(), groupOf[kSource]));
+  const double own = 0.5 * kEighth * kEighth, back = 0.2 / (1 - 0.2);
+  const std::vector<Rgb> errors = irradianceError(box.f, box.patches, box.direct, box.solution, replicates, 256, Rgb(0));
+  size_t told = 0;
+  for (const uint32_t p : replicates.patches) {
+    for (size_t i = 0; i < errors.size(); ++i) {
+      if (groupOf[i] != groupOf[p]) continue;
+      ASSERT_NEAR(errors[i].r, std::sqrt(own * (1 + back * back / together)), 1e-6) << i;
+      ++told;
+    }
+  }
+  EXPECT_GT(told, errors.size() / 2);
 }
 
 // Of a patch that is nearly covered few shadow rays count: its neighbours do not err with it.
