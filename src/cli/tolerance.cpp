@@ -207,15 +207,34 @@ class Planner {
     return e;
   }
 
-  // The cheapest of some numbers of patches, each with the samples that its error leaves room for.
+  // The cheapest of some numbers of patches, each with the samples that its error leaves room for: its seconds, and `patches_`; -1
+  // where memory holds none that meets the target.
+  double cheapest(const std::vector<double>& counts, double target, Setting& cheapestSetting) {
+    double best = -1;
+    for (const double n : counts) {
+      Setting s = trialSetting_;
+      const double left = target * target - std::pow(errorFor(n, s).patches, 2) - s.residual * s.residual;
+      const bool last = n == counts.back();
+      if (left <= 0.05 * target * target && !last) continue;
+      setSamples(s, std::sqrt(std::max(left, 0.05 * target * target)));
+      if (!fits(n, s)) continue;
+      const double seconds = secondsFor(n, s);
+      const bool meets = errorFor(n, s).total() <= std::max(tolerance_, target) || fixedSamples() || fixedShadow() || last;
+      if (meets && (best < 0 || seconds < best)) {
+        best = seconds;
+        cheapestSetting = s;
+        patches_ = n;
+      }
+    }
+    return best;
+  }
+
   void choose() {
     // What is given may cost more than the tolerance: the rest need not be much better then.
     constexpr double kAboveGiven = 1.1;
     const ErrorParts now = errorFor(fixedPatches() ? givenPatches() : static_cast<double>(tried_), trialSetting_);
     const double given = std::sqrt((fixedSamples() ? now.rows * now.rows : 0) + (fixedShadow() ? now.light * now.light : 0) + (fixedPatches() ? now.patches * now.patches : 0));
     const double target = std::max(kMargin * tolerance_, kAboveGiven * given);
-    double best = -1;
-    Setting bestSetting;
     const double smallest = static_cast<double>(buildCount(1));
     std::vector<double> counts;
     if (fixedPatches()) {
@@ -228,39 +247,23 @@ class Planner {
       counts.push_back(std::max(least, floor));
       while (counts.back() * 1.2 <= largest) counts.push_back(counts.back() * 1.2);
     }
+    // Where memory does not hold what meets the target: the least error that it holds, or nearly.
+    constexpr double kNext = 1.1, kMost = 1;
+    Setting bestSetting;
+    double best = -1, aim = target;
+    while ((best = cheapest(counts, aim, bestSetting)) < 0 && aim < kMost) aim *= kNext;
     plan_.limitedBy.clear();
-    for (const double n : counts) {
-      Setting s = trialSetting_;
-      const double left = target * target - std::pow(errorFor(n, s).patches, 2) - s.residual * s.residual;
-      const bool last = n == counts.back();
-      if (left <= 0.05 * target * target && !last) continue;
-      setSamples(s, std::sqrt(std::max(left, 0.05 * target * target)));
-      if (storageFor(n, s) > static_cast<double>(allowedBytes(options_))) {
-        if (best < 0) plan_.limitedBy = "memory";
-        continue;
-      }
-      const double seconds = secondsFor(n, s);
-      const bool meets = errorFor(n, s).total() <= tolerance_ || fixedSamples() || fixedShadow() || last;
-      if (meets && (best < 0 || seconds < best)) {
-        best = seconds;
-        bestSetting = s;
-        patches_ = n;
-      }
-    }
-    if (best < 0) {  // nothing fits: as much as memory holds
+    if (best < 0) {  // not even the trial's patches fit
       patches_ = std::max(smallest, 100.0);
       bestSetting = trialSetting_;
-      while (storageFor(patches_ * 1.2, bestSetting) < static_cast<double>(allowedBytes(options_)) && patches_ < 1e6) patches_ *= 1.2;
+      while (fits(patches_ * 1.2, bestSetting) && patches_ < 1e6) patches_ *= 1.2;
       best = secondsFor(patches_, bestSetting);
-      plan_.limitedBy = "memory";
-    } else {
-      plan_.limitedBy.clear();
     }
     if (options_.time > 0) limitTime(bestSetting, best);
     plan_.setting = bestSetting;
     plan_.seconds = best;
     plan_.predicted = errorFor(patches_, bestSetting);
-    if (plan_.limitedBy.empty() && plan_.predicted.total() > tolerance_) plan_.limitedBy = "the options given";
+    if (plan_.limitedBy.empty() && plan_.predicted.total() > tolerance_) plan_.limitedBy = aim > target ? "memory" : "the options given";
     plan_.size = fixedPatches() ? PatchOptions{options_.patches, 0, 0, cluster_} : PatchOptions{0, rounded(sizeFor(patches_)), 0, cluster_};
   }
 
@@ -281,7 +284,7 @@ class Planner {
     const double seconds = secondsFor(n, s);
     ErrorParts predicted = errorFor(n, s);
     predicted.patches = options.adapt;
-    if (seconds > most || predicted.total() > tolerance_ || storageFor(n, s) > static_cast<double>(allowedBytes(options_))) return;
+    if (seconds > most || predicted.total() > tolerance_ || !fits(n, s)) return;
     ofOneSize_ = patches_;
     patches_ = n;
     plan_.size = a.size;
@@ -317,6 +320,12 @@ class Planner {
   double storageFor(double n, const Setting& s) const {
     const double row = s.spec.kind == Kind::rays ? std::min(4.0 * s.spec.rays, 2 * n) : 2 * n;
     return channels_ * fronts_ * n * row;
+  }
+
+  // With room for what grids of whole cells add to the patches asked for, and entries too large for 16 bits.
+  bool fits(double n, const Setting& s) const {
+    constexpr double kMore = 1.25;
+    return kMore * storageFor(n, s) <= static_cast<double>(allowedBytes(options_));
   }
 
   double allowedSeconds() const {

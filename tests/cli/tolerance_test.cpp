@@ -315,6 +315,15 @@ TEST_F(Tolerance, ThatCannotBeMetIsExitCodeThreeWithResults) {
   }
 }
 
+// Memory for 2,500 patches, whose rows may have any number of rays: the error is what these patches cost, not noise.
+TEST_F(Tolerance, WhereMemoryIsShortNothingElseIs) {
+  ASSERT_EQ(solve(kCornell, "--tolerance 0.002 --memory 20M").exitCode, 3);
+  const json t = report()["tolerance"];
+  EXPECT_EQ(t["limited_by"], "memory");
+  EXPECT_LT(t["estimated_error"]["rows"].get<double>(), 0.7 * t["estimated_error"]["patches"].get<double>());
+  EXPECT_LT(report()["estimated_error"].get<double>(), 0.005);
+}
+
 // A kept F is for a solve with lamps apart, a table for all light: rows that must find the L-room's lamp by chance take many times
 // the rays.
 TEST_F(Tolerance, OfKeptFactorsIsThatOfTheirSolve) {
