@@ -288,14 +288,14 @@ void checkPairs(const FormFactorMatrix& f, const PatchSet& patches, FormFactorCh
     chosen[k] = static_cast<uint32_t>(k * n / m);
     placeOf[chosen[k]] = static_cast<uint32_t>(k);
   }
-  std::vector<float> block(m * m, 0.0f);
+  std::vector<double> block(m * m, 0.0);  // an entry may come in many parts: floats would not add up
   tbb::parallel_for(size_t{0}, m, [&](size_t k) {
     const FormFactorRow row = f[chosen[k]];
     if (!row.dense.empty()) {
-      for (size_t l = 0; l < m; ++l) block[k * m + l] = row.dense[chosen[l]];
+      for (size_t l = 0; l < m; ++l) block[k * m + l] = static_cast<double>(row.dense[chosen[l]]);
     } else {
       row.forEach([&](size_t j, double value) {
-        if (placeOf[j] != kNone) block[k * m + placeOf[j]] += static_cast<float>(value);
+        if (placeOf[j] != kNone) block[k * m + placeOf[j]] += value;
       });
     }
   });
@@ -312,8 +312,8 @@ void checkPairs(const FormFactorMatrix& f, const PatchSet& patches, FormFactorCh
     Part& part = parts[k];
     for (size_t l = 0; l < m; ++l) {
       if (!f[chosen[l]].made()) continue;
-      const auto value = static_cast<double>(block[k * m + l]);
-      const double kl = area[k] * value, lk = area[l] * static_cast<double>(block[l * m + k]);
+      const double value = block[k * m + l];
+      const double kl = area[k] * value, lk = area[l] * block[l * m + k];
       part.difference += (kl - lk) * (kl - lk);
       part.size += kl * kl;
       if (patches.patches[chosen[k]].isSpecular() || patches.patches[chosen[l]].isSpecular()) continue;

@@ -43,6 +43,20 @@ TEST(FormFactorMatrix, KnowsTheSumsOfRowsThatChange) {
   for (uint32_t i = 0; i < 20; ++i) EXPECT_NEAR(f.rowSum(i), added(f[i]), 1e-7);
 }
 
+// Every ray of a row may meet the same patch: 384 times 1/384 is 1, and no more than is possible.
+TEST(FormFactorMatrix, AddsUpHitsOfOnePatch) {
+  constexpr uint32_t kRays = 384, n = 4 * kRays;
+  FormFactorMatrix f(n);
+  PatchSet patches;
+  patches.patches.resize(n);
+  for (uint32_t i = 0; i < n; ++i) {
+    patches.patches[i].area = 1;
+    f.hits(i, std::vector<uint32_t>(kRays, (i + 3) % n / 3 * 3), 1.0f / kRays);  // those looked at are every third one
+    f.finish(i, {});
+  }
+  EXPECT_NEAR(checkFormFactors(f, patches).largest, 1, 1e-7);
+}
+
 // Rows are read in chunks of half a million entries, and lists stay where they were read.
 TEST(FactorArchive, ReadsBackRowsOfManyChunks) {
   constexpr uint32_t n = 2500, kEntries = 625;
