@@ -130,7 +130,6 @@ std::vector<Rgb> irradianceError(const FormFactorMatrix& f, const PatchSet& patc
   constexpr double kLeastExposed = 1e-3;
   std::vector<double> exposed(n);
   for (size_t i = 0; i < n; ++i) exposed[i] = std::max(f.shares(i).exposed, kLeastExposed);
-  std::vector<double> law(n), squares(probes);
   std::vector<Rgb> bias(probes, Rgb(0)), found(probes);
   if (replicates.rows) {
     variance = sampleVariance(f, direct, solution, r, sky, near);
@@ -148,20 +147,22 @@ std::vector<Rgb> irradianceError(const FormFactorMatrix& f, const PatchSet& patc
         if (replicates.better) bias[at + k] = change;
       }
     });
-    for (int c = 0; c < 3; ++c) {
+    tbb::parallel_for(0, 3, [&](int c) {
+      std::vector<double> law(n), squares(probes);
       for (size_t i = 0; i < n; ++i) law[i] = variance[i][c];
       for (size_t k = 0; k < probes; ++k) squares[k] = found[k][c];
       const std::vector<double> own = scaled(near, law, replicates.patches, squares, exposed);
       for (size_t i = 0; i < n; ++i) variance[i][c] = own[i];
-    }
+    });
   }
   if (!direct.deviation.empty()) {
     constexpr size_t kHalf = 4;  // nine patches, each of three differences
-    for (int c = 0; c < 3; ++c) {
+    tbb::parallel_for(0, 3, [&](int c) {
+      std::vector<double> law(n);
       for (size_t i = 0; i < n; ++i) law[i] = direct.deviation[i][c] * direct.deviation[i][c] * exposed[i];
       const std::vector<double> own = near.smoothed(law, kHalf);
       for (size_t i = 0; i < n; ++i) variance[i][c] += own[i] / exposed[i];
-    }
+    });
   }
   carryOn(f, patches, near, replicates.patches, bias, variance);
   double total = 0, area = 0;
