@@ -1,11 +1,13 @@
 // What --tolerance reaches and what it costs, whole processes: the error of H against final gathering on the same patches
 // (judge.h), and the time beside the fastest fixed setting of `farol chart` that reaches
 // the same error by the same measure.
-// farol_tolerance [seconds of reference at most, of chart, smallest tolerance, SCENE...]; works in a folder of its own.
+// farol_tolerance [seconds of reference at most, of chart, smallest tolerance, SCENE...] [--largest E] [--seeds N]; works in a
+// folder of its own.
 #include "base/error.h"
 #include "judge.h"
 #include "whole_process.h"
 
+#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 using namespace farol;
@@ -32,9 +34,17 @@ std::vector<std::string> fixedSettings(const std::string& csv, double tolerance)
 }  // namespace
 
 int main(int argc, char** argv) {
-  const double most = argc > 1 ? std::stod(argv[1]) : 60, chartSeconds = argc > 2 ? std::stod(argv[2]) : 90, smallest = argc > 3 ? std::stod(argv[3]) : 0.002;
+  double most = 60, chartSeconds = 90, smallest = 0.002, largestTolerance = 0.05;
+  int seeds = 5;
   std::vector<std::string> scenes;
-  for (int k = 4; k < argc; ++k) scenes.emplace_back(argv[k]);
+  CLI::App app;
+  app.add_option("reference", most);
+  app.add_option("chart", chartSeconds);
+  app.add_option("smallest", smallest);
+  app.add_option("scenes", scenes)->check(CLI::ExistingFile);
+  app.add_option("--largest", largestTolerance);
+  app.add_option("--seeds", seeds)->check(CLI::PositiveNumber);
+  CLI11_PARSE(app, argc, argv);
   if (scenes.empty()) {
     for (const char* s : {"cornell_box/cornell_box.gltf", "l_room/l_room.gltf", "reading_corner/reading_corner.glb", "white_furnace/white_furnace.gltf",
                           "mirrors_and_glass/mirror_room.gltf", "mirrors_and_glass/facing_mirrors.gltf", "mirrors_and_glass/glass_block.gltf",
@@ -43,7 +53,7 @@ int main(int argc, char** argv) {
   }
   const TemporaryFolder folder;
   const std::string csv = folder.path("p.csv"), report = folder.path("r.json");
-  fmt::print("| scene | tolerance | chosen | error of H, mean and largest of 5 seeds | met | seconds: whole process | forecast | by the best fixed setting | ratio | best fixed setting |\n|---|---|---|---|---|---|---|---|---|---|\n");
+  fmt::print("| scene | tolerance | chosen | error of H, mean and largest of {} seeds | met | seconds: whole process | forecast | by the best fixed setting | ratio | best fixed setting |\n|---|---|---|---|---|---|---|---|---|---|\n", seeds);
   size_t runs = 0, met = 0, forecasts = 0, near = 0;
   std::string agreement;
   for (const std::string& scene : scenes) {
@@ -53,13 +63,12 @@ int main(int argc, char** argv) {
     const HError paths = judge.agreement(most);
     agreement += fmt::format("{}: final gathering differs from gathering paths by {:.2f} % in means over surfaces (resolved to {:.2f})\n", name, 100 * paths.error, 100 * paths.noise);
     for (const double tolerance : {0.05, 0.01, 0.002}) {
-      if (tolerance < smallest) continue;
+      if (tolerance < smallest || tolerance > largestTolerance) continue;
       double mean = 0, largest = 0, noise = 0;
       int good = 0, told = 0;
       std::string chosen;
       std::vector<double> whole, forecast;
-      constexpr int kSeeds = 5;
-      for (int seed = 1; seed <= kSeeds; ++seed) {
+      for (int seed = 1; seed <= seeds; ++seed) {
         const Stopwatch watch;
         const int status = std::system(fmt::format("{} solve {} --tolerance {} --seed {} --patches-csv {} --report {} --quiet 2> /dev/null", FAROL_PROGRAM, scene,
                                                    tolerance, seed, csv, report)
@@ -76,7 +85,7 @@ int main(int argc, char** argv) {
         const std::string command = r["equivalent_command"];
         chosen = fmt::format("{} patches{}, {}", r["counts"]["patches"].get<int>(), r.contains("adapted") ? " of several sizes" : "", command.substr(command.find("--method "), command.find(" --max-depth") - command.find("--method ")));
         const HError e = judge.judge(csv, command, tolerance, most);
-        mean += e.error / kSeeds;
+        mean += e.error / seeds;
         largest = std::max(largest, e.error);
         noise = std::max(noise, e.noise);
         if (e.noise > tolerance) continue;  // the reference cannot tell
@@ -94,7 +103,7 @@ int main(int argc, char** argv) {
         const std::string equivalent = json::parse(test::readText(report))["equivalent_command"];
         if (judge.judge(csv, equivalent, tolerance, most).error > tolerance) continue;
         fixed = option;
-        best = medianSeconds(command, kSeeds);
+        best = medianSeconds(command, seeds);
         break;
       }
       runs += static_cast<size_t>(told);
