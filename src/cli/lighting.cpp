@@ -23,11 +23,11 @@ LampPlan LightingMaker::plan(const PatchSet& patches, const MethodSpec& spec) co
 }
 
 // On two cores an image costs a patch 0.6 us, as much as a shadow ray costs light that is followed from the lamps.
-Shining LightingMaker::shining(const LampPlan& plan, const Scene& scene, const PatchSet& patches, bool imagesOfLamps) const {
+Shining LightingMaker::shining(const LampPlan& plan, const Scene& scene, const PatchSet& patches, bool imagesOfLamps, size_t mostImages) const {
   Shining s{plan.lamps, scene.lights, std::nullopt, false};
   if (!patches.anySpecular() || (s.lights.empty() && (s.lamps.empty() || !imagesOfLamps))) return s;
   s.mirrors.emplace(facets_, patches);
-  const size_t most = std::min<size_t>(kMostLampImages, options_.shadowRays);
+  const size_t most = std::min(kMostLampImages, mostImages);
   const auto ofLamps = lampImages(imagesOfLamps ? std::span<const Lamp>(plan.lamps) : std::span<const Lamp>(), *s.mirrors, methods_.limits(), most);
   const auto ofLights = lightImages(scene.lights, facets_.frame, *s.mirrors, methods_.limits(), most - (ofLamps ? ofLamps->size() : 0));
   s.follow = !ofLamps || !ofLights;
@@ -38,6 +38,11 @@ Shining LightingMaker::shining(const LampPlan& plan, const Scene& scene, const P
   s.lamps.insert(s.lamps.end(), ofLamps->begin(), ofLamps->end());
   s.lights.insert(s.lights.end(), ofLights->begin(), ofLights->end());
   return s;
+}
+
+size_t LightingMaker::imagesWanted(const LampPlan& plan, const Scene& scene, const PatchSet& patches) const {
+  const Shining s = shining(plan, scene, patches, true, kMostLampImages);
+  return s.follow ? 0 : s.lamps.size() + s.lights.size() - plan.lamps.size() - scene.lights.size();
 }
 
 // Shadow rays stop at mirrors and glass: what these pass on of lamps apart and punctual lights is followed from there.

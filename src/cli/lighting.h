@@ -35,7 +35,11 @@ class LightingMaker {
   LampPlan plan(const PatchSet& patches, const MethodSpec& spec) const;
 
   // `imagesOfLamps`: for those who do not meet lamps in mirrors.
-  Shining shining(const LampPlan& plan, const Scene& scene, const PatchSet& patches, bool imagesOfLamps) const;
+  Shining shining(const LampPlan& plan, const Scene& scene, const PatchSet& patches, bool imagesOfLamps) const {
+    return shining(plan, scene, patches, imagesOfLamps, options_.shadowRays);
+  }
+  // From how many shadow rays on images of lamps and lights serve, and nothing is followed; 0: there are none, or too many.
+  size_t imagesWanted(const LampPlan& plan, const Scene& scene, const PatchSet& patches) const;
 
   // `device`: sweeps run there. Without errors.
   Lighting solve(const Scene& scene, const PatchSet& patches, const Rgb& sky, const FormFactorMatrix& f,
@@ -49,6 +53,7 @@ class LightingMaker {
   Lighting local(const Scene& scene, const PatchSet& patches) const;
 
  private:
+  Shining shining(const LampPlan& plan, const Scene& scene, const PatchSet& patches, bool imagesOfLamps, size_t mostImages) const;
   void addDirect(const Scene& scene, const PatchSet& patches, const FormFactorMatrix& f, Lighting& lighting) const;
   void addFollowed(const PatchSet& patches, std::span<const uint8_t> apart, std::span<const PunctualLight> lights, const std::vector<double>& exposed,
                    DirectLight& direct) const;

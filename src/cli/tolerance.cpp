@@ -72,16 +72,14 @@ class Planner {
     plan_.setting.shadowRays = options.shadowRays;
     plan_.setting.residual = options.residual;
     if (!options.gave("--residual")) plan_.setting.residual = rounded(std::clamp(0.03 * tolerance_, 1e-5, 1e-2));
+    given_ = plan_.setting;
   }
 
   TolerancePlan plan() {
     // Coarser trials cannot see shadows; finer ones cost more than they tell.
     const size_t count = tolerance_ >= kTight ? kFewTried : tolerance_ >= 0.004 ? 1000 : 2500;
     considerClusters(count);
-    if (tryFew())
-      choose();
-    else
-      chooseFrom(count);
+    if (!triedEnough(count)) chooseFrom(count);
     considerAdapting();
     plan_.choosing = watch_.seconds();
     // Rows made again to tell the error, and what no scene is too small for.
@@ -111,12 +109,14 @@ class Planner {
     if (patches(kTurn) < kWorth * patches(0)) cluster_ = kTurn;
   }
 
-  // A trial of few patches and rays before a larger one: whether that shows light so even that it errs far less than asked for.
-  bool tryFew() {
+  // A trial of few patches and rays before a larger one: whether that shows light so even that it errs far less than asked for, or
+  // what it chooses costs less than the larger one.
+  bool triedEnough(size_t count) {
     constexpr double kEasily = 0.2;
     if (tolerance_ >= kTight || cluster_ > 0 || fixedPatches() || options_.patchSize > 0) return false;
     measure(kFewTried, kUsualTolerance);
-    return errorFor(static_cast<double>(tried_), trialSetting_).total() < kEasily * tolerance_;
+    choose();
+    return errorFor(static_cast<double>(tried_), trialSetting_).total() < kEasily * tolerance_ || plan_.seconds < secondsFor(static_cast<double>(count), trialFor(tolerance_));
   }
 
   // From a trial of so many patches, and of more where many more are wanted than were tried.
@@ -135,7 +135,21 @@ class Planner {
     return cluster_ > 0 ? trialSize_ * std::pow(n / static_cast<double>(tried_), -1 / perSize_) : sizeForPatches(facets_, static_cast<size_t>(n));
   }
 
-  // A trial of so many patches, by the rays that a tolerance is likely to need.
+  // Samples for a trial, by what a tolerance is likely to need.
+  Setting trialFor(double tolerance) const {
+    Setting trial = given_;
+    constexpr double kUsualRays = 64;
+    const double rays = std::clamp(kUsualRays * kUsualTolerance / tolerance, 32.0, 1024.0);
+    if (!fixedSamples()) {
+      trial.spec.rays = evenCount(rays / 1.5, 32, 1024);
+      trial.spec.resolution = tolerance < 0.005 ? 64 : 32;
+      if (!options_.gave("--positions")) trial.spec.positions = 1;
+    }
+    if (!fixedShadow()) trial.shadowRays = std::max(16u, trial.spec.rays / 4);
+    return trial;
+  }
+
+  // A trial of so many patches.
   void measure(size_t count, double tolerance) {
     const auto sized = [&](size_t patches) { return cluster_ > 0 ? sizeForClusters(facets_, patches) : sizeForPatches(facets_, patches); };
     PatchOptions size{count, 0, 0, cluster_};
@@ -145,15 +159,7 @@ class Planner {
       size.size = std::min(options_.patchSize, sized(count));
     }
     if (cluster_ > 0 && size.size == 0) size.size = sized(size.count);
-    Setting trial = plan_.setting;
-    constexpr double kUsualRays = 64;
-    const double rays = std::clamp(kUsualRays * kUsualTolerance / tolerance, 32.0, 1024.0);
-    if (!fixedSamples()) {
-      trial.spec.rays = evenCount(rays / 1.5, 32, 1024);
-      trial.spec.resolution = tolerance < 0.005 ? 64 : 32;
-      if (!options_.gave("--positions")) trial.spec.positions = 1;
-    }
-    if (!fixedShadow()) trial.shadowRays = std::max(16u, trial.spec.rays / 4);
+    const Setting trial = trialFor(tolerance);
     if (!fixedPatches()) {  // no more than memory holds
       constexpr double kRoom = 0.5, kLeast = 50;
       double fits = static_cast<double>(count);
@@ -164,6 +170,7 @@ class Planner {
     channels_ = scene.patches().colouredSpecular() ? 3 : 1;
     const Trial t = scene.solve(trial, kProbes);
     trialSetting_ = trial;
+    images_ = scene.lightings().imagesWanted(t.lighting.plan, scene_, scene.patches());
     tried_ = scene.patches().size();
     rowError_ = t.rowError;
     lightError_ = t.lightError;
@@ -195,7 +202,15 @@ class Planner {
   }
 
   double secondsFor(double n, const Setting& s) const {
-    return n * (samplesOf(s.spec) * costs_.perSample + shadowShare_ * s.shadowRays * costs_.perShadowRay) + costs_.perEntry * filled(n, s.spec) * sweeps_;
+    return n * (samplesOf(s.spec) * costs_.perSample + shadowWork(s.shadowRays) * costs_.perShadowRay) + costs_.perEntry * filled(n, s.spec) * sweeps_;
+  }
+
+  // Of a patch, in the trial's shadow rays. Where that followed light of lamps which more rays would choose images for, an image
+  // takes as long as three of its rays, and a ray to one half as long: between facing mirrors of 110 images.
+  double shadowWork(uint32_t rays) const {
+    constexpr double kPerImage = 3, kPerRay = 0.9;
+    const auto images = static_cast<double>(images_);
+    return images > trialSetting_.shadowRays && images <= rays ? kPerImage * images + kPerRay * rays : shadowShare_ * rays;
   }
 
   ErrorParts errorFor(double n, const Setting& s) const {
@@ -296,12 +311,13 @@ class Planner {
     plan_.limitedBy.clear();
   }
 
-  // Rows and shadow rays share what the patches leave of the error so that a sample more of either is worth the same.
+  // Rows and shadow rays share what the patches leave of the error so that time for more of either is worth the same.
   void setSamples(Setting& s, double left) const {
     if (wantsPicture(options_) && !fixedSamples() && s.spec.kind == Kind::rays) s.spec.rays = kPictureRays;
     const double rows = errorFor(1, s).rows, light = errorFor(1, s).light;
     if (!fixedSamples() && rows > 0) {
-      const double a = std::pow(rows, 2) * samplesOf(s.spec), b = std::pow(light, 2) * s.shadowRays;
+      const double perRay = std::max(costs_.perShadowRay * shadowWork(s.shadowRays) / s.shadowRays, 0.1 * costs_.perSample);
+      const double a = std::pow(rows, 2) * samplesOf(s.spec) * costs_.perSample, b = std::pow(light, 2) * s.shadowRays * perRay;
       const double share = fixedShadow() || b <= 0 ? std::max(0.1, 1 - std::pow(light / left, 2)) : std::sqrt(a) / (std::sqrt(a) + std::sqrt(b));
       const double allowed = left * std::sqrt(std::clamp(share, 0.1, 1.0));
       const double factor = std::pow(rows / allowed, 1 / orderOf(s.spec));
@@ -391,7 +407,7 @@ class Planner {
   double tolerance_;
   Stopwatch watch_;
   TolerancePlan plan_;
-  Setting trialSetting_;
+  Setting given_, trialSetting_;
   Costs costs_;
   size_t tried_ = 0;
   double cluster_ = 0, trialSize_ = 0;  // as --cluster; the trial's cell size where that is not 0
@@ -399,7 +415,7 @@ class Planner {
   double patches_ = 0, ofOneSize_ = 0;
   PatchSizeError patchError_;
   std::string lampsWhy_;
-  size_t trialSweeps_ = 0;
+  size_t trialSweeps_ = 0, images_ = 0;
   double rowError_ = 0, lightError_ = 0, shadowShare_ = 0, channels_ = 1, fronts_ = 1, sweeps_ = 10;
 };
 
