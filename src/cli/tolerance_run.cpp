@@ -43,25 +43,38 @@ void applyPlan(RunState& run) {
   run.countPatches();
 }
 
+// Whether rows of F have to be made again for another plan.
+bool rowsDiffer(const TolerancePlan& a, const TolerancePlan& b) {
+  const MethodSpec &x = a.setting.spec, &y = b.setting.spec;
+  return a.size.size != b.size.size || a.size.count != b.size.count || a.adapt != b.adapt || x.rays != y.rays || x.resolution != y.resolution || x.positions != y.positions;
+}
+
+// None where memory does not surely hold F: some rows tell what the others take, about.
+std::optional<StorageChoice> storageThatHolds(const RunState& run) {
+  constexpr double kSure = 0.9;
+  try {
+    const StorageChoice choice = chooseStorage(run.situation, *run.spec);
+    if (choice.storage == Storage::float32 || choice.bytes <= kSure * static_cast<double>(allowedBytes(run.options))) return choice;
+  } catch (const Error&) {  // says how many bytes more; fewer patches are tried instead
+  }
+  return std::nullopt;
+}
+
 // False, with all as it was, where memory does not hold F as the plan asks for it.
 bool applyRefined(RunState& run, const TolerancePlan& next) {
   const TolerancePlan plan = *run.plan;
   const auto adapted = run.report.adapted;
   PatchSet patches = run.patches;
   run.plan = next;
-  try {
-    applyPlan(run);
-    chooseStorage(run.situation, *run.spec);
-    return true;
-  } catch (const Error&) {
-    run.plan = plan;
-    applyOptions(run);
-    run.report.adapted = adapted;
-    run.patches = std::move(patches);
-    run.methods.patchesChanged();
-    run.countPatches();
-    return false;
-  }
+  applyPlan(run);
+  if (storageThatHolds(run)) return true;
+  run.plan = plan;
+  applyOptions(run);
+  run.report.adapted = adapted;
+  run.patches = std::move(patches);
+  run.methods.patchesChanged();
+  run.countPatches();
+  return false;
 }
 
 double patchError(const RunState& run) {
@@ -130,11 +143,26 @@ void adapt(RunState& run) {
 }
 
 void choosePlan(RunState& run) {
-  run.plan = planFor(run.options, run.scene, run.facets, *run.spec);
-  applyPlan(run);
+  // A plan knows only about what rows will take, mostly where light goes over mirrors: with less memory where that was too little.
+  constexpr int kTries = 6;
+  Options options = run.options;
+  const MethodSpec method = *run.spec;
+  std::optional<StorageChoice> storage;
+  for (int k = 0; k < kTries && !storage; ++k) {
+    try {
+      run.plan = planFor(options, run.scene, run.facets, method);
+    } catch (const Error&) {  // not even a trial fits
+      if (k == 0) throw;
+      break;
+    }
+    applyPlan(run);
+    storage = storageThatHolds(run);
+    if (!storage && options.gave("--patches")) break;
+    options.memory = allowedBytes(options) / 2;
+  }
+  if (!storage) storage = chooseStorage(run.situation, *run.spec);
   tellRowSeconds(run);
-  const StorageChoice storage = chooseStorage(run.situation, *run.spec);
-  run.plan->choices.push_back({"storage", storage.storage == Storage::bits16 ? "16 bits, or lists of entries" : "float32, or lists", storage.why});
+  run.plan->choices.push_back({"storage", storage->storage == Storage::bits16 ? "16 bits, or lists of entries" : "float32, or lists", storage->why});
   run.report.clock.finish("choosing");
   run.say("tolerance {:.3g} %: {:.2g} % predicted, in {:.2g} s:", 100 * run.options.tolerance,
           100 * run.plan->predicted.total(), run.plan->seconds);
@@ -154,8 +182,9 @@ void meetTolerance(RunState& run) {
   if (run.plan->seconds > kLong) returnFreedMemory();
   ErrorParts found;
   double expected = run.plan->predicted.patches;
+  bool newRows = true;
   for (int round = 0;; ++round) {
-    makeFactors(run);
+    if (newRows) makeFactors(run);
     if (round == 0) chooseSolvePlace(run);
     light(run);
     found = errorParts(run);
@@ -167,11 +196,7 @@ void meetTolerance(RunState& run) {
     expected = found.patches;
     const auto limitedBy = [&](const char* what) { run.plan->limitedBy = found.total() > run.options.tolerance ? what : ""; };
     TolerancePlan next = refined(*run.plan, run.options, run.facets, found);
-    const bool changed = next.size.size != run.plan->size.size || next.adapt != run.plan->adapt ||
-                         next.setting.spec.rays != run.plan->setting.spec.rays ||
-                         next.setting.spec.resolution != run.plan->setting.spec.resolution ||
-                         next.setting.spec.positions != run.plan->setting.spec.positions ||
-                         next.setting.shadowRays != run.plan->setting.shadowRays;
+    const bool changed = rowsDiffer(next, *run.plan) || next.setting.shadowRays != run.plan->setting.shadowRays;
     if (!changed) {
       limitedBy("the options given");
       break;
@@ -184,14 +209,19 @@ void meetTolerance(RunState& run) {
     run.say("refined: the error is estimated as {:.2g} % (patches {:.2g}, rows {:.2g}, light {:.2g})",
             100 * found.total(), 100 * found.patches, 100 * found.rows, 100 * found.light);
     const TolerancePlan before = *run.plan;
-    if (!applyRefined(run, next)) {
+    newRows = rowsDiffer(next, before);
+    if (!newRows) {
+      run.plan = next;
+      applyOptions(run);
+    } else if (!applyRefined(run, next)) {
       limitedBy("memory");
       break;
     }
     for (const Choice& c : takeRefined(*run.plan, before, found, run.patches.size())) run.say("  {}: {} ({})", c.what, c.value, c.why);
+    run.lighting = {};
+    if (!newRows) continue;
     run.report.checks.reset();
     run.replicates = {};
-    run.lighting = {};
   }
   run.report.tolerance =
       ToleranceReport{run.options.tolerance, found.total() <= run.options.tolerance, *run.plan, found, watch.seconds()};

@@ -245,9 +245,24 @@ TEST_F(Tolerance, RefinementAdaptsWhereThatPays) {
   EXPECT_EQ(readText(path("p.csv")), csv);
 }
 
+// More shadow rays are no reason to make rows again. (With patches and rays given no measured time decides.)
+TEST_F(Tolerance, RefinementOfLightKeepsRows) {
+  const Outcome o = solve(FAROL_SCENES "/mirrors_and_glass/light_pipe.gltf", "--tolerance 0.03 --patches 500 --rays 96");
+  ASSERT_EQ(o.exitCode, 0) << o.err;
+  EXPECT_THAT(o.out, HasSubstr("refined:"));
+  EXPECT_THAT(o.out, HasSubstr("  shadow rays: 16 (refined: 8 cost"));
+  const json r = report();
+  const auto times = [&](const char* stage) { return std::count_if(r["stages"].begin(), r["stages"].end(), [&](const json& s) { return s["name"] == stage; }); };
+  EXPECT_EQ(times("form factors"), 1);
+  EXPECT_EQ(times("solve"), 2);
+  const std::string csv = readText(path("p.csv"));
+  ASSERT_EQ(farol(r["equivalent_command"].get<std::string>().substr(6)).exitCode, 0);
+  EXPECT_EQ(readText(path("p.csv")), csv);
+}
+
 // The patches that a refinement wants do not fit: what was reached stays, whole.
 TEST_F(Tolerance, RefinementBeyondMemoryIsLeft) {
-  const Outcome o = solve(FAROL_SCENES "/mirrors_and_glass/facing_mirrors.gltf", "--tolerance 0.03 --memory 1M");
+  const Outcome o = solve(FAROL_SCENES "/mirrors_and_glass/facing_mirrors.gltf", "--tolerance 0.02 --memory 700K");
   EXPECT_EQ(o.exitCode, 3) << o.err;
   EXPECT_THAT(o.out, HasSubstr("refined:"));
   EXPECT_THAT(o.err, HasSubstr("limited by memory"));
@@ -322,6 +337,14 @@ TEST_F(Tolerance, WhereMemoryIsShortNothingElseIs) {
   EXPECT_EQ(t["limited_by"], "memory");
   EXPECT_LT(t["estimated_error"]["rows"].get<double>(), 0.7 * t["estimated_error"]["patches"].get<double>());
   EXPECT_LT(report()["estimated_error"].get<double>(), 0.005);
+}
+
+// Over mirrors rows hold more entries than rays: a plan that memory turns out not to hold makes place for one of fewer patches.
+TEST_F(Tolerance, IsPlannedForWhatRowsTakeOverMirrors) {
+  for (const char* memory : {"500K", "1M", "2M"}) {
+    const Outcome o = solve(FAROL_SCENES "/mirrors_and_glass/facing_mirrors.gltf", fmt::format("--tolerance 0.02 --memory {}", memory));
+    EXPECT_TRUE(o.exitCode == 0 || o.exitCode == 3) << memory << ": " << o.err;
+  }
 }
 
 // A kept F is for a solve with lamps apart, a table for all light: rows that must find the L-room's lamp by chance take many times
