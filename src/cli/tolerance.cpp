@@ -457,12 +457,13 @@ Shrink shrinkTo(double target, const ErrorParts& found, bool patchesFixed, bool 
 
 }  // namespace
 
-TolerancePlan refined(const TolerancePlan& plan, const Options& options, const FacetSet& facets, const ErrorParts& found) {
+TolerancePlan refined(const TolerancePlan& plan, const Options& options, const FacetSet& facets, const ErrorParts& found, bool careful) {
+  constexpr double kCareful = 0.65;
   TolerancePlan next = plan;
   const bool rays = plan.setting.spec.kind == Kind::rays;
   const bool rowsFixed = plan.setting.spec.kind == Kind::exact || (rays ? options.gave("--rays") : options.gave("--resolution"));
   const bool patchesFixed = !plan.adapted && options.gave("--patches");
-  const Shrink shrink = shrinkTo(kMargin * options.tolerance, found, patchesFixed, rowsFixed, options.gave("--shadow-rays"));
+  const Shrink shrink = shrinkTo((careful ? kCareful : kMargin) * options.tolerance, found, patchesFixed, rowsFixed, options.gave("--shadow-rays"));
   if (shrink.rows < 1) scaleSamples(next.setting.spec, std::pow(shrink.rows, -1 / orderOf(plan.setting.spec)) * 1.1);
   if (shrink.light < 1)
     next.setting.shadowRays = evenCount(worthOf(plan.setting.shadowRays) * std::pow(shrink.light, -1 / kSampleOrder) * 1.1, kLeastShadowRays, kMostRays);

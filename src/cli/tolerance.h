@@ -34,8 +34,8 @@ struct TolerancePlan {
 TolerancePlan planFor(const Options& options, const Scene& scene, const FacetSet& facets, const MethodSpec& method);
 
 // The same plan with samples or patches raised, the largest part of the error `found` first, until the whole is predicted to be
-// below the tolerance; patches are to be adapted anew.
-TolerancePlan refined(const TolerancePlan& plan, const Options& options, const FacetSet& facets, const ErrorParts& found);
+// below the tolerance, `careful`: well below it; patches are to be adapted anew.
+TolerancePlan refined(const TolerancePlan& plan, const Options& options, const FacetSet& facets, const ErrorParts& found, bool careful = false);
 
 // Patches of several sizes in place of the smaller ones of one size that the refinement `next` asks for, where they are fewer by
 // far. `patches`: of the plan.

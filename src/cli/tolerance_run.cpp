@@ -195,7 +195,7 @@ void meetTolerance(RunState& run) {
     if (met || round + 1 == kRounds || !run.plan->limitedBy.empty()) break;
     expected = found.patches;
     const auto limitedBy = [&](const char* what) { run.plan->limitedBy = found.total() > run.options.tolerance ? what : ""; };
-    TolerancePlan next = refined(*run.plan, run.options, run.facets, found);
+    TolerancePlan next = refined(*run.plan, run.options, run.facets, found, grew);
     const bool changed = rowsDiffer(next, *run.plan) || next.setting.shadowRays != run.plan->setting.shadowRays;
     if (!changed) {
       limitedBy("the options given");

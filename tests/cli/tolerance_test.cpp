@@ -295,6 +295,8 @@ TEST(Refined, ShrinksNoMoreThanItMust) {
   EXPECT_LT(size(both), 1);
   EXPECT_GT(both.setting.spec.rays, 256u);
   EXPECT_EQ(both.setting.shadowRays, 64u);
+  const TolerancePlan careful = refined(plan, options, none, {0.04, 0.004, 0.01, 0}, true);
+  EXPECT_LT(size(careful), size(coarse));
   options.given = {"--rays"};
   const TolerancePlan given = refined(plan, options, none, {0.01, 0.05, 0.004, 0});
   EXPECT_EQ(given.setting.spec.rays, 256u);  // and nothing else would be enough
