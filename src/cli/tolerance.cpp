@@ -3,7 +3,6 @@
 #include "base/error.h"
 #include "base/machine.h"
 #include "cli/choices.h"
-#include "cli/patch_size_error.h"
 #include "cli/sample_counts.h"
 
 namespace farol {
@@ -58,10 +57,6 @@ std::string patchesText(const TolerancePlan& p, double patches) {
   return fmt::format("--patch-size {}{} (about {:.0f})", p.size.size, clusterText(p), patches);
 }
 
-struct Costs {
-  double perSample = 0, perShadowRay = 0, perEntry = 0;  // [s]
-};
-
 class Planner {
  public:
   Planner(const Options& options, const Scene& scene, const FacetSet& facets, const MethodSpec& method)
@@ -85,14 +80,14 @@ class Planner {
     // Rows made again to tell the error, and what no scene is too small for.
     constexpr double kAgain = 1.1, kLeastSeconds = 0.006;
     plan_.seconds = plan_.choosing + kAgain * plan_.seconds + kLeastSeconds;
-    plan_.rowSeconds = kAgain * patches_ * samplesOf(plan_.setting.spec) * costs_.perSample;
+    plan_.rowSeconds = kAgain * patches_ * samplesOf(plan_.setting.spec) * trial_.perSample;
     explain();
     return plan_;
   }
 
  private:
   bool fixedPatches() const { return options_.gave("--patches"); }
-  double givenPatches() const { return static_cast<double>(options_.patches > kMostTried ? std::max(options_.patches, tried_) : tried_); }
+  double givenPatches() const { return static_cast<double>(options_.patches > kMostTried ? std::max(options_.patches, trial_.patches) : trial_.patches); }
   bool fixedSamples() const {
     return plan_.setting.spec.kind == Kind::exact || (plan_.setting.spec.kind == Kind::rays ? options_.gave("--rays") : options_.gave("--resolution"));
   }
@@ -116,7 +111,7 @@ class Planner {
     if (tolerance_ >= kTight || cluster_ > 0 || fixedPatches() || options_.patchSize > 0) return false;
     measure(kFewTried, kUsualTolerance);
     choose();
-    return errorFor(static_cast<double>(tried_), trialSetting_).total() < kEasily * tolerance_ || plan_.seconds < secondsFor(static_cast<double>(count), trialFor(tolerance_));
+    return trial_.errorFor(static_cast<double>(trial_.patches), trial_.setting).total() < kEasily * tolerance_ || plan_.seconds < trial_.secondsFor(static_cast<double>(count), trialFor(tolerance_));
   }
 
   // From a trial of so many patches, and of more where many more are wanted than were tried.
@@ -126,13 +121,13 @@ class Planner {
       choose();
       const auto wanted = static_cast<size_t>(patches_);
       constexpr size_t kFar = 6;
-      if (fixedPatches() || wanted < kFar * tried_ || tried_ >= kMostTried) break;
+      if (fixedPatches() || wanted < kFar * trial_.patches || trial_.patches >= kMostTried) break;
       count = std::min(kMostTried, wanted / 2);
     }
   }
 
   double sizeFor(double n) const {
-    return cluster_ > 0 ? trialSize_ * std::pow(n / static_cast<double>(tried_), -1 / perSize_) : sizeForPatches(facets_, static_cast<size_t>(n));
+    return cluster_ > 0 ? trialSize_ * std::pow(n / static_cast<double>(trial_.patches), -1 / trial_.perSize) : sizeForPatches(facets_, static_cast<size_t>(n));
   }
 
   // Samples for a trial, by what a tolerance is likely to need.
@@ -162,64 +157,31 @@ class Planner {
     const Setting trial = trialFor(tolerance);
     if (!fixedPatches()) {  // no more than memory holds
       constexpr double kRoom = 0.5, kLeast = 50;
-      double fits = static_cast<double>(count);
-      while (fits > kLeast && storageFor(fits, trial) > kRoom * static_cast<double>(allowedBytes(options_))) fits /= 1.5;
-      if (fits < static_cast<double>(count)) size.size = std::min(size.size > 0 ? size.size : 1e300, sized(static_cast<size_t>(fits)));
+      double held = static_cast<double>(count);
+      while (held > kLeast && trial_.bytesFor(held, trial) > kRoom * static_cast<double>(allowedBytes(options_))) held /= 1.5;
+      if (held < static_cast<double>(count)) size.size = std::min(size.size > 0 ? size.size : 1e300, sized(static_cast<size_t>(held)));
     }
     SizedScene scene(options_, scene_, facets_, size);
-    channels_ = scene.patches().colouredSpecular() ? 3 : 1;
+    trial_.channels = scene.patches().colouredSpecular() ? 3 : 1;
     const Trial t = scene.solve(trial, kProbes);
-    trialSetting_ = trial;
-    images_ = scene.lightings().imagesWanted(t.lighting.plan, scene_, scene.patches());
-    tried_ = scene.patches().size();
-    rowError_ = t.rowError;
-    lightError_ = t.lightError;
+    trial_.setting = trial;
+    trial_.images = scene.lightings().imagesWanted(t.lighting.plan, scene_, scene.patches());
+    trial_.patches = scene.patches().size();
+    trial_.rowError = t.rowError;
+    trial_.lightError = t.lightError;
     lampsWhy_ = t.lighting.plan.why;
-    trialSweeps_ = t.lighting.solution.sweeps;
+    trial_.sweeps = t.lighting.solution.sweeps;
     if (cluster_ > 0) {
       trialSize_ = size.size;
       PatchOptions half = size;
       half.size /= 2;
-      perSize_ = std::clamp(std::log2(static_cast<double>(buildPatches(scene_, facets_, half).frontPatchCount) / static_cast<double>(scene.patches().frontPatchCount)), 0.2, 2.0);
-      patchError_ = gatheredPatchErrorOf(t.f, scene.patches(), scene_, facets_, t.lighting, size);
+      trial_.perSize = std::clamp(std::log2(static_cast<double>(buildPatches(scene_, facets_, half).frontPatchCount) / static_cast<double>(scene.patches().frontPatchCount)), 0.2, 2.0);
+      trial_.patchError = gatheredPatchErrorOf(t.f, scene.patches(), scene_, facets_, t.lighting, size);
     } else {
-      patchError_ = patchErrorOf(t.f, scene.patches(), facets_, t.lighting);
+      trial_.patchError = patchErrorOf(t.f, scene.patches(), facets_, t.lighting);
     }
-    shadowShare_ = t.lighting.direct.rays > 0 ? static_cast<double>(t.lighting.direct.rays) / (static_cast<double>(tried_) * trial.shadowRays) : 0;
-    fronts_ = static_cast<double>(scene.patches().frontPatchCount) / static_cast<double>(tried_);
-    const double n = static_cast<double>(tried_);
-    costs_.perSample = t.rowSeconds / (n * samplesOf(trial.spec));
-    // Direct light and solve are told apart by what a sweep costs about.
-    costs_.perEntry = kSecondsPerEntry;
-    const double solve = costs_.perEntry * filled(n, trial.spec) * static_cast<double>(t.lighting.solution.sweeps + 2);
-    sweeps_ = static_cast<double>(t.lighting.solution.sweeps + 2);
-    costs_.perShadowRay = std::max(0.0, t.lightSeconds - solve) / (n * std::max(1.0, shadowShare_ * trial.shadowRays));
-  }
-
-  // Entries of F that a sweep reads.
-  static double filled(double n, const MethodSpec& spec) {
-    return n * (spec.kind == Kind::rays ? std::min(n, 1.0 * spec.rays) : n);
-  }
-
-  double secondsFor(double n, const Setting& s) const {
-    return n * (samplesOf(s.spec) * costs_.perSample + shadowWork(s.shadowRays) * costs_.perShadowRay) + costs_.perEntry * filled(n, s.spec) * sweeps_;
-  }
-
-  // Of a patch, in the trial's shadow rays. Where that followed light of lamps which more rays would choose images for, an image
-  // takes as long as three of its rays, and a ray to one half as long: between facing mirrors of 110 images.
-  double shadowWork(uint32_t rays) const {
-    constexpr double kPerImage = 3, kPerRay = 0.9;
-    const auto images = static_cast<double>(images_);
-    return images > trialSetting_.shadowRays && images <= rays ? kPerImage * images + kPerRay * rays : shadowShare_ * rays;
-  }
-
-  ErrorParts errorFor(double n, const Setting& s) const {
-    ErrorParts e;
-    e.patches = patchError_.error * std::pow(n / static_cast<double>(tried_), -patchError_.order / perSize_);
-    e.rows = rowError_ * std::pow(worthOf(s.spec) / worthOf(trialSetting_.spec), -orderOf(s.spec));
-    e.light = lightError_ * std::pow(worthOf(s.shadowRays) / worthOf(trialSetting_.shadowRays), -kSampleOrder);
-    e.sweeps = s.residual;
-    return e;
+    trial_.fronts = static_cast<double>(scene.patches().frontPatchCount) / static_cast<double>(trial_.patches);
+    trial_.learnCosts(t);
   }
 
   // The cheapest of some numbers of patches, each with the samples that its error leaves room for: its seconds, and `patches_`; -1
@@ -227,14 +189,14 @@ class Planner {
   double cheapest(const std::vector<double>& counts, double target, Setting& cheapestSetting) {
     double best = -1;
     for (const double n : counts) {
-      Setting s = trialSetting_;
-      const double left = target * target - std::pow(errorFor(n, s).patches, 2) - s.residual * s.residual;
+      Setting s = trial_.setting;
+      const double left = target * target - std::pow(trial_.errorFor(n, s).patches, 2) - s.residual * s.residual;
       const bool last = n == counts.back();
       if (left <= 0.05 * target * target && !last) continue;
       setSamples(s, std::sqrt(std::max(left, 0.05 * target * target)));
       if (!fits(n, s)) continue;
-      const double seconds = secondsFor(n, s);
-      const bool meets = errorFor(n, s).total() <= std::max(tolerance_, target) || fixedSamples() || fixedShadow() || last;
+      const double seconds = trial_.secondsFor(n, s);
+      const bool meets = trial_.errorFor(n, s).total() <= std::max(tolerance_, target) || fixedSamples() || fixedShadow() || last;
       if (meets && (best < 0 || seconds < best)) {
         best = seconds;
         cheapestSetting = s;
@@ -247,7 +209,7 @@ class Planner {
   void choose() {
     // What is given may cost more than the tolerance: the rest need not be much better then.
     constexpr double kAboveGiven = 1.1;
-    const ErrorParts now = errorFor(fixedPatches() ? givenPatches() : static_cast<double>(tried_), trialSetting_);
+    const ErrorParts now = trial_.errorFor(fixedPatches() ? givenPatches() : static_cast<double>(trial_.patches), trial_.setting);
     const double given = std::sqrt((fixedSamples() ? now.rows * now.rows : 0) + (fixedShadow() ? now.light * now.light : 0) + (fixedPatches() ? now.patches * now.patches : 0));
     const double target = std::max(kMargin * tolerance_, kAboveGiven * given);
     const double smallest = static_cast<double>(buildCount(1));
@@ -256,9 +218,9 @@ class Planner {
       counts = {givenPatches()};
     } else {
       // Coarser than the trial nothing is known about edges, and little is saved.
-      const double floor = std::max({smallest, static_cast<double>(tried_), wantsPicture(options_) ? static_cast<double>(kPicturePatches) : 100.0});
+      const double floor = std::max({smallest, static_cast<double>(trial_.patches), wantsPicture(options_) ? static_cast<double>(kPicturePatches) : 100.0});
       const double largest = 2e6;
-      const double least = options_.patchSize > 0 ? static_cast<double>(tried_) : floor;
+      const double least = options_.patchSize > 0 ? static_cast<double>(trial_.patches) : floor;
       counts.push_back(std::max(least, floor));
       while (counts.back() * 1.2 <= largest) counts.push_back(counts.back() * 1.2);
     }
@@ -270,14 +232,14 @@ class Planner {
     plan_.limitedBy.clear();
     if (best < 0) {  // not even the trial's patches fit
       patches_ = std::max(smallest, 100.0);
-      bestSetting = trialSetting_;
+      bestSetting = trial_.setting;
       while (fits(patches_ * 1.2, bestSetting) && patches_ < 1e6) patches_ *= 1.2;
-      best = secondsFor(patches_, bestSetting);
+      best = trial_.secondsFor(patches_, bestSetting);
     }
     if (options_.time > 0) limitTime(bestSetting, best);
     plan_.setting = bestSetting;
     plan_.seconds = best;
-    plan_.predicted = errorFor(patches_, bestSetting);
+    plan_.predicted = trial_.errorFor(patches_, bestSetting);
     if (plan_.limitedBy.empty() && plan_.predicted.total() > tolerance_) plan_.limitedBy = aim > target ? "memory" : "the options given";
     plan_.size = fixedPatches() ? PatchOptions{options_.patches, 0, 0, cluster_} : PatchOptions{0, rounded(sizeFor(patches_)), 0, cluster_};
   }
@@ -289,15 +251,15 @@ class Planner {
     if (!mayAdapt(options_) || cluster_ > 0) return;
     const Options options = adaptingOptions(options_, plan_.setting);
     const AdaptTrial trial = adaptTrialOf(options, scene_, facets_, plan_.setting.spec);
-    if (trial.level == 0 || secondsFor(static_cast<double>(trial.patches), trial.setting) > kWorthATrial * whole) return;
+    if (trial.level == 0 || trial_.secondsFor(static_cast<double>(trial.patches), trial.setting) > kWorthATrial * whole) return;
     const Adapting a = adaptTo(options, scene_, facets_, plan_.setting.spec);
     if (!isUsable(a, options, scene_, facets_)) return;
     const auto n = static_cast<double>(a.adapted.patches);
-    Setting s = trialSetting_;
+    Setting s = trial_.setting;
     s.residual = plan_.setting.residual;
     setSamples(s, std::sqrt(std::pow(kMargin * tolerance_, 2) - std::pow(options.adapt, 2) - s.residual * s.residual));
-    const double seconds = secondsFor(n, s);
-    ErrorParts predicted = errorFor(n, s);
+    const double seconds = trial_.secondsFor(n, s);
+    ErrorParts predicted = trial_.errorFor(n, s);
     predicted.patches = options.adapt;
     if (seconds > most || predicted.total() > tolerance_ || !fits(n, s)) return;
     ofOneSize_ = patches_;
@@ -314,10 +276,10 @@ class Planner {
   // Rows and shadow rays share what the patches leave of the error so that time for more of either is worth the same.
   void setSamples(Setting& s, double left) const {
     if (wantsPicture(options_) && !fixedSamples() && s.spec.kind == Kind::rays) s.spec.rays = kPictureRays;
-    const double rows = errorFor(1, s).rows, light = errorFor(1, s).light;
+    const double rows = trial_.errorFor(1, s).rows, light = trial_.errorFor(1, s).light;
     if (!fixedSamples() && rows > 0) {
-      const double perRay = std::max(costs_.perShadowRay * shadowWork(s.shadowRays) / s.shadowRays, 0.1 * costs_.perSample);
-      const double a = std::pow(rows, 2) * samplesOf(s.spec) * costs_.perSample, b = std::pow(light, 2) * s.shadowRays * perRay;
+      const double perRay = std::max(trial_.perShadowRay * trial_.shadowWork(s.shadowRays) / s.shadowRays, 0.1 * trial_.perSample);
+      const double a = std::pow(rows, 2) * samplesOf(s.spec) * trial_.perSample, b = std::pow(light, 2) * s.shadowRays * perRay;
       const double share = fixedShadow() || b <= 0 ? std::max(0.1, 1 - std::pow(light / left, 2)) : std::sqrt(a) / (std::sqrt(a) + std::sqrt(b));
       const double allowed = left * std::sqrt(std::clamp(share, 0.1, 1.0));
       const double factor = std::pow(rows / allowed, 1 / orderOf(s.spec));
@@ -327,21 +289,16 @@ class Planner {
       if (!picture || scaled.rays > s.spec.rays) s.spec = scaled;
     }
     if (!fixedShadow() && light > 0) {
-      const double now = errorFor(1, s).rows;
+      const double now = trial_.errorFor(1, s).rows;
       const double allowed = std::sqrt(std::max(left * left - now * now, 0.1 * left * left));
       s.shadowRays = evenCount(worthOf(s.shadowRays) * std::pow(light / allowed, 1 / kSampleOrder), kLeastShadowRays, kMostRays);
     }
   }
 
-  double storageFor(double n, const Setting& s) const {
-    const double row = s.spec.kind == Kind::rays ? std::min(4.0 * s.spec.rays, 2 * n) : 2 * n;
-    return channels_ * fronts_ * n * row;
-  }
-
   // With room for what grids of whole cells add to the patches asked for, and entries too large for 16 bits.
   bool fits(double n, const Setting& s) const {
     constexpr double kMore = 1.25;
-    return kMore * storageFor(n, s) <= static_cast<double>(allowedBytes(options_));
+    return kMore * trial_.bytesFor(n, s) <= static_cast<double>(allowedBytes(options_));
   }
 
   double allowedSeconds() const {
@@ -360,7 +317,7 @@ class Planner {
         scaleSamples(s.spec, less / 1.1);
       }
       const double before = seconds;
-      seconds = secondsFor(patches_, s);
+      seconds = trial_.secondsFor(patches_, s);
       plan_.limitedBy = "time";
       if (seconds > before || (fixedPatches() && fixedSamples())) break;
     }
@@ -379,14 +336,14 @@ class Planner {
     } else {
       plan_.choices.push_back({"patches", fixedPatches() ? fmt::format("{}{}", options_.patches, clusterText(plan_)) : patchesText(plan_, patches_),
                              fixedPatches() ? given
-                                            : fmt::format("constant patches cost {} of H's mean, from {} at {} patches{}", percent(e.patches), percent(patchError_.error), tried_,
+                                            : fmt::format("constant patches cost {} of H's mean, from {} at {} patches{}", percent(e.patches), percent(trial_.patchError.error), trial_.patches,
                                                           wantsPicture(options_) && patches_ < 1.01 * kPicturePatches ? "; a picture wants 4000 or more" : "")});
     }
     plan_.choices.push_back({"method", methodText(s.spec),
-                             fixedSamples() ? given : fmt::format("sampling rows costs {}, from {} by {}", percent(e.rows), percent(rowError_), methodText(trialSetting_.spec))});
-    if (lightError_ > 0) {
+                             fixedSamples() ? given : fmt::format("sampling rows costs {}, from {} by {}", percent(e.rows), percent(trial_.rowError), methodText(trial_.setting.spec))});
+    if (trial_.lightError > 0) {
       plan_.choices.push_back({"shadow rays", fmt::format("{}", s.shadowRays),
-                               fixedShadow() ? given : fmt::format("direct light costs {}, from {} by {}", percent(e.light), percent(lightError_), trialSetting_.shadowRays)});
+                               fixedShadow() ? given : fmt::format("direct light costs {}, from {} by {}", percent(e.light), percent(trial_.lightError), trial_.setting.shadowRays)});
     }
     if (s.spec.hemicubes()) {
       plan_.choices.push_back({"positions", fmt::format("{}", s.spec.positions),
@@ -397,7 +354,7 @@ class Planner {
                                                             : "several points see near patches well enough"});
     }
     plan_.choices.push_back({"emitters", s.emittersApart ? "apart" : "matrix", options_.gave("--emitters") ? given : lampsWhy_});
-    plan_.choices.push_back({"solver", solverName(s.solver), options_.gave("--solver") ? given : fmt::format("{} sweeps in the trial; no other takes fewer", trialSweeps_)});
+    plan_.choices.push_back({"solver", solverName(s.solver), options_.gave("--solver") ? given : fmt::format("{} sweeps in the trial; no other takes fewer", trial_.sweeps)});
     plan_.choices.push_back({"residual", fmt::format("{:.2g}", s.residual), options_.gave("--residual") ? given : "far below the other parts"});
   }
 
@@ -407,16 +364,11 @@ class Planner {
   double tolerance_;
   Stopwatch watch_;
   TolerancePlan plan_;
-  Setting given_, trialSetting_;
-  Costs costs_;
-  size_t tried_ = 0;
+  Setting given_;
+  TrialLaws trial_;
   double cluster_ = 0, trialSize_ = 0;  // as --cluster; the trial's cell size where that is not 0
-  double perSize_ = 2;                  // power of the cell size that the number of patches falls with
   double patches_ = 0, ofOneSize_ = 0;
-  PatchSizeError patchError_;
   std::string lampsWhy_;
-  size_t trialSweeps_ = 0, images_ = 0;
-  double rowError_ = 0, lightError_ = 0, shadowShare_ = 0, channels_ = 1, fronts_ = 1, sweeps_ = 10;
 };
 
 }  // namespace

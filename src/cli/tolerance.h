@@ -3,14 +3,9 @@
 #pragma once
 
 #include "cli/adapting.h"
+#include "cli/trial_laws.h"
 
 namespace farol {
-
-// The parts of the error of H, relative to its mean; their squares add.
-struct ErrorParts {
-  double patches = 0, rows = 0, light = 0, sweeps = 0;
-  double total() const { return std::sqrt(patches * patches + rows * rows + light * light + sweeps * sweeps); }
-};
 
 // One thing that was chosen.
 struct Choice {
