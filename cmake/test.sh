@@ -1,10 +1,13 @@
 #!/bin/sh
-# Builds with warnings as errors and runs every quick test, as continuous integration does: closed forms, GPU, bad
-# input, the program itself, valid shaders, the unit tests under AddressSanitizer and UBSan, and the fuzzers for 20 seconds.
+# Checks the sources' format, builds with warnings as errors and runs every quick test, as continuous integration does: closed
+# forms, GPU, bad input, the program itself, valid shaders, the unit tests under AddressSanitizer and UBSan, and the fuzzers for
+# 20 seconds.
 # Installs missing Debian packages first (with sudo unless root).
 set -e
 cd "$(dirname "$0")/.."
 . cmake/packages.sh
+find src shaders tests -name '*.cpp' -o -name '*.h' | xargs clang-format --dry-run --Werror
+echo "format: clean"
 cmake --preset ci
 cmake --build --preset ci
 for shader in build/ci/shaders/*.spv; do

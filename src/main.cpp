@@ -11,7 +11,8 @@
 // a third of a run's time in virtual machines. What is freed stays for what comes next, of any size, of any thread: software
 // drivers take and give back memory for every batch that they draw.
 extern "C" const char* malloc_conf;
-const char* malloc_conf = "thp:always,metadata_thp:always,narenas:1,lg_extent_max_active_fit:24,dirty_decay_ms:-1,oversize_threshold:0";
+const char* malloc_conf =
+    "thp:always,metadata_thp:always,narenas:1,lg_extent_max_active_fit:24,dirty_decay_ms:-1,oversize_threshold:0";
 
 namespace {
 

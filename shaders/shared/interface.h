@@ -73,7 +73,7 @@ FAROL_CONST kJacobiRows = 16;           // per workgroup
 FAROL_CONST kJacobiGroupSize = 8;       // lanes on software devices, whose vectors are that wide
 FAROL_CONST kJacobiWideGroupSize = 32;  // lanes elsewhere
 
-FAROL_CONST kNoCell = 0xFFFFFFFFu;  // FacetRecord::backCell of a facet whose back is black
+FAROL_CONST kNoCell = 0xFFFFFFFFu;   // FacetRecord::backCell of a facet whose back is black
 FAROL_CONST kBackBit = 0x80000000u;  // set in the view's facet ids where a back side is seen
 
 // A facet as the shaders need it (32 bytes).

@@ -66,9 +66,9 @@ void Progress::print(double seconds) {
     const auto filled = static_cast<size_t>(std::clamp(share, 0.0, 1.0) * 24);
     bar += fmt::format("[{}{}] ", std::string(filled, '#'), std::string(24 - filled, '.'));
   }
-  const std::string counts =
-      total_ > 0 ? fmt::format("{} of {} {}, {:.0f} {}/s, {:.0f} s left", done_, total_, unit_, rate, unit_, left)
-                 : fmt::format("{} {}, {:.1f} {}/s", done_, unit_, rate, unit_);
+  const std::string counts = total_ > 0
+                                 ? fmt::format("{} of {} {}, {:.0f} {}/s, {:.0f} s left", done_, total_, unit_, rate, unit_, left)
+                                 : fmt::format("{} {}, {:.1f} {}/s", done_, unit_, rate, unit_);
   fmt::print(stderr, "{}{}: {}{}", bar, what_, counts, terminal_ ? "" : "\n");
   std::fflush(stderr);
 }

@@ -9,7 +9,7 @@
 namespace farol {
 
 struct Warning {
-  std::string code;      // fixed: what kind of warning this is
+  std::string code;  // fixed: what kind of warning this is
   std::string sentence;
   std::vector<std::string> surfaces = {};  // concerned, as far as they are known
   std::optional<double> effect = {};       // estimated, as the sentence says in words
@@ -21,7 +21,7 @@ class Log {
   explicit Log(bool quiet = false);
   static Log silent();  // keeps warnings, prints nothing
 
-  void warn(const Warning& warning);  // printed once and kept
+  void warn(const Warning& warning);       // printed once and kept
   void note(const std::string& sentence);  // printed unless quiet
 
   const std::vector<Warning>& warnings() const { return warnings_; }

@@ -40,9 +40,7 @@ std::string processorName() {
   return "an unknown processor";
 }
 
-uint64_t peakMemoryBytes() {
-  return kilobyteLine("/proc/self/status", "VmHWM:");
-}
+uint64_t peakMemoryBytes() { return kilobyteLine("/proc/self/status", "VmHWM:"); }
 void returnFreedMemory() {
   if (mallctl == nullptr) return;
   mallctl("thread.tcache.flush", nullptr, nullptr, nullptr, 0);
@@ -52,9 +50,7 @@ uint64_t residentMemoryBytes() {
   returnFreedMemory();
   return kilobyteLine("/proc/self/status", "VmRSS:");
 }
-uint64_t availableMemoryBytes() {
-  return kilobyteLine("/proc/meminfo", "MemAvailable:");
-}
+uint64_t availableMemoryBytes() { return kilobyteLine("/proc/meminfo", "MemAvailable:"); }
 
 MappedFile mapFile(const std::string& path) {
   const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
@@ -85,8 +81,6 @@ double StageClock::secondsOf(const std::string& name) const {
   return sum;
 }
 
-double StageClock::totalSeconds() const {
-  return last_;
-}
+double StageClock::totalSeconds() const { return last_; }
 
 }  // namespace farol

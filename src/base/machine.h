@@ -10,7 +10,7 @@
 
 namespace farol {
 
-std::string processorName();  // as the operating system calls it
+std::string processorName();      // as the operating system calls it
 uint64_t peakMemoryBytes();       // VmHWM of this process [bytes]; 0 where unknown
 void returnFreedMemory();         // of the heap, to the system: it keeps it otherwise
 uint64_t residentMemoryBytes();   // VmRSS after that [bytes]; 0 where unknown

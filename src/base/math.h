@@ -16,15 +16,9 @@ using Rgb = glm::dvec3;  // three independent channels: red, green, blue
 
 inline constexpr double kPi = 3.14159265358979323846;
 
-inline double maxChannel(const Rgb& c) {
-  return std::max({c.r, c.g, c.b});
-}
-inline double minChannel(const Rgb& c) {
-  return std::min({c.r, c.g, c.b});
-}
-inline double luminance(const Rgb& c) {
-  return 0.2126 * c.r + 0.7152 * c.g + 0.0722 * c.b;
-}  // BT.709
+inline double maxChannel(const Rgb& c) { return std::max({c.r, c.g, c.b}); }
+inline double minChannel(const Rgb& c) { return std::min({c.r, c.g, c.b}); }
+inline double luminance(const Rgb& c) { return 0.2126 * c.r + 0.7152 * c.g + 0.0722 * c.b; }  // BT.709
 
 // A unit vector at right angles to the unit vector n.
 inline Vec3 anyPerpendicular(const Vec3& n) {
@@ -41,8 +35,6 @@ inline uint64_t mixBits(uint64_t x) {
 }
 
 // A number in [0, 1) from the 53 high bits.
-inline double unitFromBits(uint64_t bits) {
-  return static_cast<double>(bits >> 11) * 0x1p-53;
-}
+inline double unitFromBits(uint64_t bits) { return static_cast<double>(bits >> 11) * 0x1p-53; }
 
 }  // namespace farol

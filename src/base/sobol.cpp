@@ -13,7 +13,7 @@ Directions makeDirections() {
     std::array<uint32_t, 5> first;
   };
   constexpr Primitive kPrimitives[kSobolDimensions - 1] = {
-      {1, 0, {1}},          {2, 1, {1, 3}},        {3, 1, {1, 3, 1}},        {3, 2, {1, 1, 1}},        {4, 1, {1, 1, 3, 3}},
+      {1, 0, {1}},           {2, 1, {1, 3}},           {3, 1, {1, 3, 1}},       {3, 2, {1, 1, 1}},        {4, 1, {1, 1, 3, 3}},
       {4, 4, {1, 3, 5, 13}}, {5, 2, {1, 1, 5, 5, 17}}, {5, 4, {1, 1, 5, 5, 5}}, {5, 7, {1, 1, 7, 11, 19}}};
   Directions v{};
   for (uint32_t k = 0; k < 32; ++k) v[0][k] = 1u << (31 - k);
@@ -42,7 +42,8 @@ Bytes makeBytes() {
   for (uint32_t b = 0; b < 4; ++b) {
     for (uint32_t value = 1; value < 256; ++value) {
       const auto last = static_cast<uint32_t>(std::countr_zero(value));
-      for (size_t d = 0; d < kSobolDimensions; ++d) bytes[b][value][d] = bytes[b][value & (value - 1)][d] ^ directions[d][8 * b + last];
+      for (size_t d = 0; d < kSobolDimensions; ++d)
+        bytes[b][value][d] = bytes[b][value & (value - 1)][d] ^ directions[d][8 * b + last];
     }
   }
   return bytes;

@@ -20,7 +20,8 @@ std::vector<ErrorLaw> fitLaws(const std::vector<ChartPoint>& points) {
   std::map<std::string, std::vector<std::pair<double, double>>> bySeries;
   // Below one sample per patch a row misses most of what it sees: its error is near 2, whatever the method.
   for (const ChartPoint& p : points) {
-    if (p.rowError > 0 && p.samplesPerPatch >= 1) bySeries[p.series].emplace_back(std::log(p.samplesPerPatch), std::log(p.rowError));
+    if (p.rowError > 0 && p.samplesPerPatch >= 1)
+      bySeries[p.series].emplace_back(std::log(p.samplesPerPatch), std::log(p.rowError));
   }
   std::vector<ErrorLaw> laws;
   for (const auto& [series, logs] : bySeries) {
@@ -41,8 +42,6 @@ std::vector<ErrorLaw> fitLaws(const std::vector<ChartPoint>& points) {
   return laws;
 }
 
-std::string besideChart(const std::string& path, const std::string& ending) {
-  return path.substr(0, path.rfind('.')) + ending;
-}
+std::string besideChart(const std::string& path, const std::string& ending) { return path.substr(0, path.rfind('.')) + ending; }
 
 }  // namespace farol

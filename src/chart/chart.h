@@ -15,15 +15,15 @@ struct ChartPoint {
   std::string method;   // as `farol compare` takes it
   std::string options;  // that repeat it with `farol solve`
   size_t patches = 0;
-  double seconds = 0, cpuSeconds = 0;          // form factors, direct light and solve: median of `repeats`; of all cores
-  double rowSeconds = 0, lightSeconds = 0;     // the two parts of `seconds`
+  double seconds = 0, cpuSeconds = 0;       // form factors, direct light and solve: median of `repeats`; of all cores
+  double rowSeconds = 0, lightSeconds = 0;  // the two parts of `seconds`
   int repeats = 1;
   size_t sweeps = 0;
-  double rowError = 0;       // mean over probe rows of sum_j |dF_ij|
-  double error = 0;          // of H (HError)
-  double noise = 0;          // errors below it cannot be told from none
+  double rowError = 0;         // mean over probe rows of sum_j |dF_ij|
+  double error = 0;            // of H (HError)
+  double noise = 0;            // errors below it cannot be told from none
   double samplesPerPatch = 0;  // of a row, over the patches that it sees
-  bool onFront = false;      // no point is both faster and better
+  bool onFront = false;        // no point is both faster and better
 };
 
 // error = constant x samplesPerPatch^-exponent, least squares over the logarithms.
@@ -35,7 +35,7 @@ struct ErrorLaw {
 
 struct Chart {
   std::string scene, machine;
-  double timeAsked = 0, otherSeconds = 0;  // load, patches, ray tracing structure: on top of every point
+  double timeAsked = 0, otherSeconds = 0;           // load, patches, ray tracing structure: on top of every point
   double referenceSeconds = 0, referenceError = 0;  // its own standard error (largest over patch sizes)
   size_t referencePaths = 0;
   bool complete = true;  // false: ended by its time limit or a signal

@@ -2,9 +2,7 @@
 
 namespace farol {
 
-void Schedule::add(size_t kind, double guess, std::vector<double> work) {
-  queues_.push_back({kind, std::move(work), guess});
-}
+void Schedule::add(size_t kind, double guess, std::vector<double> work) { queues_.push_back({kind, std::move(work), guess}); }
 
 std::optional<Schedule::Next> Schedule::next() const {
   std::optional<Next> cheapest;

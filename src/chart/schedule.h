@@ -10,8 +10,8 @@ namespace farol {
 
 class Schedule {
  public:
-  // The settings of one method at one size, the cheapest first: how much each has to sample [any unit], and a guess at what the first
-  // takes [seconds]. Guesses of one kind are taken to be off by one factor, that of the one measured last.
+  // The settings of one method at one size, the cheapest first: how much each has to sample [any unit], and a guess at what the
+  // first takes [seconds]. Guesses of one kind are taken to be off by one factor, that of the one measured last.
   void add(size_t kind, double guess, std::vector<double> work);
 
   struct Next {

@@ -11,13 +11,15 @@ AdaptTrial adaptTrialOf(const Options& options, const Scene& scene, const FacetS
   constexpr size_t kMostTried = 6000;
   constexpr uint32_t kMostLevels = 3;
   AdaptTrial trial;
-  trial.size = {0, options.patchSize > 0 ? options.patchSize : std::stod(fmt::format("{:.3g}", sizeForPatches(facets, facets.facets.size())))};
+  trial.size = {0, options.patchSize > 0 ? options.patchSize
+                                         : std::stod(fmt::format("{:.3g}", sizeForPatches(facets, facets.facets.size())))};
   // Rays so many that their noise is little beside what is asked for.
   const double few = std::clamp(10.0 / options.adapt, 256.0, 6000.0);
   const uint32_t rays = std::bit_floor(static_cast<uint32_t>(1.4 * few));
   const size_t largest = buildPatches(scene, facets, trial.size).size();
   const auto fits = [&](size_t patches) {
-    return patches <= kMostTried && static_cast<double>(patches) * std::min(4.0 * rays, 2.0 * static_cast<double>(patches)) < static_cast<double>(allowedBytes(options));
+    return patches <= kMostTried && static_cast<double>(patches) * std::min(4.0 * rays, 2.0 * static_cast<double>(patches)) <
+                                        static_cast<double>(allowedBytes(options));
   };
   while (trial.level < kMostLevels && fits(largest << 2 * (trial.level + 1))) ++trial.level;
   trial.patches = largest << 2 * trial.level;
@@ -42,7 +44,8 @@ Adapting adaptTo(const Options& options, const Scene& scene, const FacetSet& fac
   const Trial t = sized.solve(trial.setting);
   result.tried = sized.patches().size();
   result.order = patchErrorOf(t.f, sized.patches(), facets, t.lighting).order;
-  result.adapted = adaptPatches(facets, sized.patches(), trial.level, t.f, t.lighting.direct, t.lighting.solution, samplesOf(trial.setting.spec), result.order, options.adapt);
+  result.adapted = adaptPatches(facets, sized.patches(), trial.level, t.f, t.lighting.direct, t.lighting.solution,
+                                samplesOf(trial.setting.spec), result.order, options.adapt);
   return result;
 }
 

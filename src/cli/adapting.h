@@ -8,8 +8,8 @@ namespace farol {
 struct Adapting {
   PatchOptions size;  // of the largest patches
   AdaptedPatches adapted;
-  size_t tried = 0;   // patches of the trial
-  double order = 1;   // power of the patches' size that their error falls with, there
+  size_t tried = 0;  // patches of the trial
+  double order = 1;  // power of the patches' size that their error falls with, there
 };
 
 // The trial that tells them: a grid of patches of size / 2^level.

@@ -7,8 +7,8 @@
 #include "cli/trials.h"
 #include "formfactor/error_model.h"
 #include "formfactor/near_field.h"
-#include "reference/reference_file.h"
 #include "patch/fingerprint.h"
+#include "reference/reference_file.h"
 
 #include <cstring>
 #include <fmt/format.h>
@@ -51,7 +51,8 @@ Setting hemicubeSetting(Kind kind, uint32_t resolution, int positions, Projectio
 std::vector<Family> familiesFor(const Scene& scene, const FacetSet& facets, const PatchSet& patches, bool lamps) {
   std::vector<Family> families;
   Family rays{"rays", {}}, matrix{"rays, emitters in F", {}}, jacobi{"rays, Jacobi to 1e-8", {}};
-  for (const uint32_t k : {16u, 32u, 64u, 128u, 256u, 512u, 1024u, 4096u, 16384u}) rays.settings.push_back(raysSetting(k, std::max(8u, k / 4)));
+  for (const uint32_t k : {16u, 32u, 64u, 128u, 256u, 512u, 1024u, 4096u, 16384u})
+    rays.settings.push_back(raysSetting(k, std::max(8u, k / 4)));
   families.push_back(rays);
   if (lamps) {
     for (const uint32_t k : {256u, 1024u, 4096u, 16384u, 65536u}) {
@@ -66,8 +67,8 @@ std::vector<Family> familiesFor(const Scene& scene, const FacetSet& facets, cons
     jacobi.settings.back().residual = 1e-8;
   }
   families.push_back(jacobi);
-  const auto hemicubes = [&](const std::string& name, Kind kind, std::initializer_list<uint32_t> resolutions, int positions, Projection projection,
-                             bool nearField, bool apart) {
+  const auto hemicubes = [&](const std::string& name, Kind kind, std::initializer_list<uint32_t> resolutions, int positions,
+                             Projection projection, bool nearField, bool apart) {
     Family f{name, {}};
     for (const uint32_t r : resolutions) {
       f.settings.push_back(hemicubeSetting(kind, r, positions, projection, nearField));
@@ -102,12 +103,12 @@ std::string optionsText(const PatchOptions& size, const Setting& s, uint64_t see
   if (size.cluster > 0) text += fmt::format(" --cluster {}", size.cluster);
   text += fmt::format(" --method {}", methodName(s.spec.kind));
   if (s.spec.hemicubes()) {
-    text += fmt::format(" --resolution {} --projection {} --positions {} --near-field {}", s.spec.resolution, projectionName(s.spec.projection),
-                        s.spec.positions, s.spec.nearField ? "on" : "off");
+    text += fmt::format(" --resolution {} --projection {} --positions {} --near-field {}", s.spec.resolution,
+                        projectionName(s.spec.projection), s.spec.positions, s.spec.nearField ? "on" : "off");
   }
   if (s.spec.kind == Kind::rays) text += fmt::format(" --rays {}", s.spec.rays);
-  return text + fmt::format(" --emitters {} --shadow-rays {} --solver {} --residual {} --seed {}", s.emittersApart ? "apart" : "matrix", s.shadowRays,
-                            solverName(s.solver), s.residual, seed);
+  return text + fmt::format(" --emitters {} --shadow-rays {} --solver {} --residual {} --seed {}",
+                            s.emittersApart ? "apart" : "matrix", s.shadowRays, solverName(s.solver), s.residual, seed);
 }
 
 // Mean over some rows of sum_j |dF_ij| against rows of many rays, and how many patches such a row sees.
@@ -127,7 +128,8 @@ class RowReference {
     double error = 0;
     for (const uint32_t p : probes_) {
       const std::vector<float> here = f[p].expanded(), there = rows_[p].expanded();
-      for (size_t j = 0; j < here.size(); ++j) error += std::abs(static_cast<double>(here[j] - there[j])) / static_cast<double>(probes_.size());
+      for (size_t j = 0; j < here.size(); ++j)
+        error += std::abs(static_cast<double>(here[j] - there[j])) / static_cast<double>(probes_.size());
     }
     return error;
   }
@@ -197,10 +199,13 @@ class Measurement {
       truth_ = std::move(*kept);
     } else {
       Progress progress(log_, "reference", "% of its time", 100);
-      const PathGatherer gatherer(finest.methods().tracer(), facets_, finest.patches(), scene_, lamps, options_.sky, finest.methods().limits());
-      if (gatherer.missesLights()) log_.note("the reference lacks what mirrors and glass pass on of point, spot and directional lights: errors of H hold it");
-      truth_ = gatherIrradiance(gatherer, finest.methods().tracer(), facets_, sets, seconds, options_.seed,
-                                [&](double done) { progress.update(std::min<size_t>(99, static_cast<size_t>(100 * done / seconds))); });
+      const PathGatherer gatherer(finest.methods().tracer(), facets_, finest.patches(), scene_, lamps, options_.sky,
+                                  finest.methods().limits());
+      if (gatherer.missesLights())
+        log_.note("the reference lacks what mirrors and glass pass on of point, spot and directional lights: errors of H hold it");
+      truth_ = gatherIrradiance(gatherer, finest.methods().tracer(), facets_, sets, seconds, options_.seed, [&](double done) {
+        progress.update(std::min<size_t>(99, static_cast<size_t>(100 * done / seconds)));
+      });
       chart.referenceSeconds = watch_.seconds();
       writeReference(cache, key, truth_);
     }
@@ -319,8 +324,9 @@ class Measurement {
     for (const auto& s : scenes_) {
       if (s->methods().deviceOpen()) device = s->methods().device().info().name;
     }
-    return fmt::format("{} threads of {}; {}{}{}", coresFor(options_), processorName(), scenes_.empty() ? "" : scenes_[0]->methods().tracer().description(),
-                       device.empty() ? "" : "; hemicubes on ", device);
+    return fmt::format("{} threads of {}; {}{}{}", coresFor(options_), processorName(),
+                       scenes_.empty() ? "" : scenes_[0]->methods().tracer().description(), device.empty() ? "" : "; hemicubes on ",
+                       device);
   }
 
   const Options& options_;
@@ -353,11 +359,11 @@ std::string chartText(const Chart& chart) {
   }
   std::sort(front.begin(), front.end(), [](const ChartPoint& a, const ChartPoint& b) { return a.seconds < b.seconds; });
   say("reference: {} paths per cell, standard error of H {:.2g} % of its mean", chart.referencePaths, 100 * chart.referenceError);
-  say("{} settings measured{}; {} that nothing beats:", chart.points.size(), chart.complete ? "" : fmt::format(" in {:.3g} s, not all", chart.timeAsked),
-      front.size());
+  say("{} settings measured{}; {} that nothing beats:", chart.points.size(),
+      chart.complete ? "" : fmt::format(" in {:.3g} s, not all", chart.timeAsked), front.size());
   for (const ChartPoint& p : front) {
-    say("  {:>9.4f} s  {:>7} %  {:<26} {}", p.seconds, fmt::format("{}{:.3f}", p.error > p.noise ? "" : "<", 100 * std::max(p.error, p.noise)), p.series,
-        p.options);
+    say("  {:>9.4f} s  {:>7} %  {:<26} {}", p.seconds,
+        fmt::format("{}{:.3f}", p.error > p.noise ? "" : "<", 100 * std::max(p.error, p.noise)), p.series, p.options);
   }
   // What the design of the program was made from: one receiver point in an empty box.
   const auto known = [](const std::string& series) -> std::optional<std::pair<double, double>> {
@@ -370,10 +376,13 @@ std::string chartText(const Chart& chart) {
     if (const auto k = known(l.series)) {
       constexpr double kSamples = 10, kNear = 1.5;
       const double ratio = l.constant * std::pow(kSamples, -l.exponent) / (k->first * std::pow(kSamples, -k->second));
-      compared = ratio > kNear || ratio < 1 / kNear ? fmt::format(": {:.2g} times {:.2f} s^-{:.2f}, known from an empty box, at s = 10", ratio, k->first, k->second)
-                                                    : "";
+      compared =
+          ratio > kNear || ratio < 1 / kNear
+              ? fmt::format(": {:.2g} times {:.2f} s^-{:.2f}, known from an empty box, at s = 10", ratio, k->first, k->second)
+              : "";
     }
-    say("rows of {}: error {:.3g} s^-{:.2f} (s samples per visible patch; {} points){}", l.series, l.constant, l.exponent, l.points, compared);
+    say("rows of {}: error {:.3g} s^-{:.2f} (s samples per visible patch; {} points){}", l.series, l.constant, l.exponent, l.points,
+        compared);
   }
   return text;
 }

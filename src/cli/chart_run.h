@@ -7,8 +7,9 @@
 
 namespace farol {
 
-// Ends after about options.time seconds, but not before a few settings are measured, or by a signal: `interrupted` is then its number and what was measured is kept.
-// The reference is taken from `cache` if it was made for the same scene and settings, and left there.
+// Ends after about options.time seconds, but not before a few settings are measured, or by a signal: `interrupted` is then its
+// number and what was measured is kept. The reference is taken from `cache` if it was made for the same scene and settings, and
+// left there.
 struct ChartRun {
   Chart chart;
   int interrupted = 0;

@@ -26,9 +26,7 @@ std::vector<gpu::DeviceInfo> hardwareDevices() {
   return all;
 }
 
-double cores(const Options& options) {
-  return static_cast<double>(coresFor(options));
-}
+double cores(const Options& options) { return static_cast<double>(coresFor(options)); }
 
 }  // namespace
 
@@ -41,8 +39,10 @@ void requireFollowed(const Situation& at, MethodSpec::Kind kind) {
   if (kind != MethodSpec::Kind::exact) return;
   for (const Patch& p : at.patches.patches) {
     if (!p.isSpecular()) continue;
-    throw Error("{}: surface '{}' is a mirror or clear glass, which --method {} does not follow; use rays, hybrid or, for planar mirrors, raster",
-                at.scene.path, surfaceNameOf(at.scene, p), methodName(kind));
+    throw Error(
+        "{}: surface '{}' is a mirror or clear glass, which --method {} does not follow; use rays, hybrid or, for planar mirrors, "
+        "raster",
+        at.scene.path, surfaceNameOf(at.scene, p), methodName(kind));
   }
 }
 
@@ -67,16 +67,14 @@ MethodChoice chooseMethod(const Situation& at) {
   }
   constexpr double kSecondsPerPair = 6e-7, kExactSeconds = 5;
   const double n = static_cast<double>(at.patches.frontPatchCount);
-  if (o.command == Command::factors && o.rays == 0 && !at.patches.anySpecular() && n * n * kSecondsPerPair / cores(o) < kExactSeconds &&
-      whatMayBlock(at.scene, at.facets).empty()) {
+  if (o.command == Command::factors && o.rays == 0 && !at.patches.anySpecular() &&
+      n * n * kSecondsPerPair / cores(o) < kExactSeconds && whatMayBlock(at.scene, at.facets).empty()) {
     return {specFrom(o, Kind::exact), "nothing in the scene can block, and closed forms of all pairs cost little"};
   }
-  const MethodSpec byRays = specFrom(o, Kind::rays),
-                   byRaster = specFrom(o, at.patches.anySpecular() ? Kind::hybrid : Kind::raster);
+  const MethodSpec byRays = specFrom(o, Kind::rays), byRaster = specFrom(o, at.patches.anySpecular() ? Kind::hybrid : Kind::raster);
   // Looking for a GPU takes longer than many a scene's rays.
   constexpr double kSecondsPerRay = 3e-8, kWorthLooking = 1;
-  if (n * raysOf(o) * kSecondsPerRay / cores(o) < kWorthLooking)
-    return {byRays, "rays take less time than looking for a GPU"};
+  if (n * raysOf(o) * kSecondsPerRay / cores(o) < kWorthLooking) return {byRays, "rays take less time than looking for a GPU"};
   const std::vector<gpu::DeviceInfo> hardware = hardwareDevices();
   if (hardware.empty()) return {byRays, "no GPU: a software device is slower than rays"};
   const double rays = probeRows(at, byRays).rowsPerSecond, raster = probeRows(at, byRaster).rowsPerSecond;
@@ -84,8 +82,8 @@ MethodChoice chooseMethod(const Situation& at) {
   const double pixels = 3.0 * o.resolution * o.resolution;
   const double worth = std::pow(0.31 / 0.38, 2) * std::pow(pixels, -1.14) / std::pow(raysOf(o), -1.2);
   return {rays > 1.2 * raster / worth ? byRays : byRaster,
-          fmt::format("measured on {}: {:.0f} rows/s by raster, {:.0f} by rays; equal errors cost {:.2g} times",
-                      hardware[0].name, raster, rays, raster / worth / rays)};
+          fmt::format("measured on {}: {:.0f} rows/s by raster, {:.0f} by rays; equal errors cost {:.2g} times", hardware[0].name,
+                      raster, rays, raster / worth / rays)};
 }
 
 // Rows spread over the scene: neighbours would all be as cheap or as dear as their wall.
@@ -94,7 +92,8 @@ RowProbe probeRows(const Situation& at, const MethodSpec& spec, double seconds) 
   const size_t n = at.patches.size(), fronts = at.patches.frontPatchCount;
   FormFactorMatrix warmUp(n);  // the first rows wait for a driver to compile shaders
   maker->makeRows(std::vector<uint32_t>{0}, warmUp, [](size_t) {});
-  const size_t chunk = spec.kind == MethodSpec::Kind::rays ? 256 : std::max<size_t>(32, at.methods.softwareDevices * at.methods.batch);
+  const size_t chunk =
+      spec.kind == MethodSpec::Kind::rays ? 256 : std::max<size_t>(32, at.methods.softwareDevices * at.methods.batch);
   size_t rows = 0, bytes = 0;
   double spent = 0;
   std::vector<bool> backs(n - fronts, false);
@@ -113,7 +112,8 @@ RowProbe probeRows(const Situation& at, const MethodSpec& spec, double seconds) 
       });
     }
   }
-  RowProbe result{static_cast<double>(rows) / spent, static_cast<double>(bytes) / static_cast<double>(std::max<size_t>(rows, 1)), fronts};
+  RowProbe result{static_cast<double>(rows) / spent, static_cast<double>(bytes) / static_cast<double>(std::max<size_t>(rows, 1)),
+                  fronts};
   for (size_t k = 0; k < backs.size(); ++k) result.rows += backs[k] || at.patches.patches[fronts + k].emits() ? 1 : 0;
   return result;
 }
@@ -154,7 +154,8 @@ StorageChoice chooseStorage(const Situation& at, const MethodSpec& spec) {
 PlaceChoice chooseSolvePlace(const Situation& at, const FormFactorMatrix& f) {
   const Options& o = at.options;
   if (o.solveOn != "auto") return {o.solveOn == "gpu", "asked for"};
-  if (o.gave("--solver") && o.solver != SolverKind::jacobi) return {false, fmt::format("{} is made on the CPU", solverName(o.solver))};
+  if (o.gave("--solver") && o.solver != SolverKind::jacobi)
+    return {false, fmt::format("{} is made on the CPU", solverName(o.solver))};
   // Some ten sweeps at a rate that any machine reaches, against what opening a device takes.
   constexpr double kSweeps = 10, kBytesPerSecond = 1e10, kWorthLooking = 0.5;
   if (static_cast<double>(f.bytes()) * kSweeps / kBytesPerSecond < kWorthLooking)
@@ -164,8 +165,9 @@ PlaceChoice chooseSolvePlace(const Situation& at, const FormFactorMatrix& f) {
   const SweepSeconds seconds = measureSweeps(f, at.patches, device);
   // Jacobi needs at least twice the sweeps of conjugate residuals; a winner must lead by 20 %.
   const double onDevice = seconds.upload + 2 * kSweeps * seconds.device, here = kSweeps * seconds.host;
-  return {1.2 * onDevice < here, fmt::format("measured: a sweep takes {:.3g} s here and {:.3g} s on {}, to which F comes in {:.3g} s",
-                                             seconds.host, seconds.device, device.info().name, seconds.upload)};
+  return {1.2 * onDevice < here,
+          fmt::format("measured: a sweep takes {:.3g} s here and {:.3g} s on {}, to which F comes in {:.3g} s", seconds.host,
+                      seconds.device, device.info().name, seconds.upload)};
 }
 
 }  // namespace farol

@@ -73,8 +73,16 @@ ComparisonReport CompareRun::compare() {
   clock_.finish("form factors");
   const Comparison c = compareFactors(a->f, a->error, b->f, b->error, patches_);
   const bool estimated = a->error.samples > 0 || b->error.samples > 0;
-  ComparisonReport report{a->name,   b->name,    c,        checkFormFactors(a->f, patches_), checkFormFactors(b->f, patches_), irradianceChange(a->f, b->f),
-                          a->seconds, b->seconds, estimated, {}};
+  ComparisonReport report{a->name,
+                          b->name,
+                          c,
+                          checkFormFactors(a->f, patches_),
+                          checkFormFactors(b->f, patches_),
+                          irradianceChange(a->f, b->f),
+                          a->seconds,
+                          b->seconds,
+                          estimated,
+                          {}};
   for (const uint32_t p : {c.worst, c.rows[c.worst].more, c.rows[c.worst].less})
     report.worst.push_back(p == kNone ? "" : surfaceNameOf(at_.scene, patches_.patches[p]));
   clock_.finish("compare");
@@ -87,7 +95,8 @@ double CompareRun::irradianceChange(const FormFactorMatrix& a, const FormFactorM
   const Lighting lit = lightings_.make(at_.scene, patches_, options_.sky, a, spec_, none, nullptr);
   SolveOptions o;
   o.sky = options_.sky;
-  return relativeDifference(lit.solution.irradiance, solveRadiosity(b, patches_, lit.direct, at_.scene, o, log_).irradiance, patches_);
+  return relativeDifference(lit.solution.irradiance, solveRadiosity(b, patches_, lit.direct, at_.scene, o, log_).irradiance,
+                            patches_);
 }
 
 void addDifference(const Solution& a, const Solution& b, const PatchSet& patches, SolverComparison& to) {

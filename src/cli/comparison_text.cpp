@@ -20,22 +20,20 @@ std::string comparisonText(const ComparisonReport& report, const Scene& scene, c
   line("row sums", sums(a), sums(b));
   line("missed", number(a.missed), number(b.missed));
   line("reciprocity error (rms)", number(a.reciprocityRms), number(b.reciprocityRms));
-  text += fmt::format("row L1 difference: mean {:.4g}, rms {:.4g}, largest {:.4g}; largest entry difference {:.4g}\n",
-                      c.l1Mean, c.rms, c.l1Max, c.largest);
+  text += fmt::format("row L1 difference: mean {:.4g}, rms {:.4g}, largest {:.4g}; largest entry difference {:.4g}\n", c.l1Mean,
+                      c.rms, c.l1Max, c.largest);
   if (report.estimated)
     text += fmt::format("within the estimated errors of both: {:.2f} % of {} rows\n", 100 * c.withinEstimate, c.rows.size());
   text += fmt::format("difference of H: {:.3g} of its mean (rms)\n", report.irradianceChange);
   const RowDifference& worst = c.rows[c.worst];
   const auto place = [&](uint32_t p) {
     const Vec3& at = patches.patches[p].centre;
-    return fmt::format("patch {} on '{}' at ({:.4g}, {:.4g}, {:.4g})", p, surfaceNameOf(scene, patches.patches[p]), at.x,
-                       at.y, at.z);
+    return fmt::format("patch {} on '{}' at ({:.4g}, {:.4g}, {:.4g})", p, surfaceNameOf(scene, patches.patches[p]), at.x, at.y,
+                       at.z);
   };
   text += fmt::format("worst row: {}, L1 {:.4g} where {:.4g} was estimated", place(c.worst), worst.l1, worst.estimate);
-  if (worst.more != kNone)
-    text += fmt::format("\n  {} sees {:.4g} more of {}", report.a, worst.moreBy, place(worst.more));
-  if (worst.less != kNone)
-    text += fmt::format("\n  {} sees {:.4g} less of {}", report.a, -worst.lessBy, place(worst.less));
+  if (worst.more != kNone) text += fmt::format("\n  {} sees {:.4g} more of {}", report.a, worst.moreBy, place(worst.more));
+  if (worst.less != kNone) text += fmt::format("\n  {} sees {:.4g} less of {}", report.a, -worst.lessBy, place(worst.less));
   return text;
 }
 
@@ -44,8 +42,7 @@ std::vector<Rgb> differenceColors(const Comparison& comparison) {
   const double scale = comparison.l1Max > 0 ? 1 / comparison.l1Max : 0;
   for (const RowDifference& d : comparison.rows) {
     const double x = std::sqrt(d.l1 * scale);
-    colors.emplace_back(std::clamp(2 * x - 1, 0.02, 1.0), std::clamp(1.2 * x, 0.02, 1.0),
-                        std::clamp(0.5 - 0.5 * x, 0.02, 1.0));
+    colors.emplace_back(std::clamp(2 * x - 1, 0.02, 1.0), std::clamp(1.2 * x, 0.02, 1.0), std::clamp(0.5 - 0.5 * x, 0.02, 1.0));
   }
   return colors;
 }

@@ -31,7 +31,8 @@ void repair(RunState& run) {
 // Their differences to F's rows tell the error of H. Of patches that may yet be left out, proportionally more.
 void replicateRows(RunState& run, bool allKept = true) {
   const size_t all = run.patches.size(), count = replicatedRows(all, run.spec->hemicubes());
-  run.replicates = replicatesOf(run.methods, run.patches, *run.spec, *run.f, allKept ? count : count * all / run.patches.frontPatchCount);
+  run.replicates =
+      replicatesOf(run.methods, run.patches, *run.spec, *run.f, allKept ? count : count * all / run.patches.frontPatchCount);
 }
 
 // Rows of all patches become those of the patches `kept`.
@@ -110,11 +111,11 @@ void makeFactors(RunState& run) {
       "form factors: {}: {} rows in {:.2f} s ({:.0f} rows/s), row sums {:.6f} to {:.6f}, {:.3g} % missed the scene, "
       "{:.3g} % met backs; row error {:.2g} (mean L1, estimated)",
       methodText(*run.spec), run.patches.size(), seconds, static_cast<double>(run.patches.size()) / seconds,
-      run.report.checks->rowSumMin, run.report.checks->rowSumMax, 100 * run.report.checks->missed,
-      100 * run.report.checks->backs, run.report.rowErrorMean);
+      run.report.checks->rowSumMin, run.report.checks->rowSumMax, 100 * run.report.checks->missed, 100 * run.report.checks->backs,
+      run.report.rowErrorMean);
   if (run.f->packedRows() > 0) {
-    run.say("storage: {} of {} rows in 16 bits ({}), L1 error of a row at most {:.2g} by it", run.f->packedRows(),
-            run.f->size(), storage.why, run.f->packingError());
+    run.say("storage: {} of {} rows in 16 bits ({}), L1 error of a row at most {:.2g} by it", run.f->packedRows(), run.f->size(),
+            storage.why, run.f->packingError());
   }
 }
 

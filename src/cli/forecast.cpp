@@ -57,8 +57,7 @@ StagesTried tryStages(const RunState& run, size_t count) {
   trial.scene = run.scene;
   trial.facets = run.facets;
   trial.spec = run.spec;
-  trial.patches =
-      count < run.patches.frontPatchCount ? buildPatches(run.scene, run.facets, patchOptionsOf(options)) : run.patches;
+  trial.patches = count < run.patches.frontPatchCount ? buildPatches(run.scene, run.facets, patchOptionsOf(options)) : run.patches;
   trial.countPatches();
   StagesTried t;
   t.patches = trial.patches.frontPatchCount;
@@ -92,7 +91,8 @@ ForecastReport forecastOf(const RunState& run, const RowProbe& probe, double mat
   const double more = n / static_cast<double>(tried.rows);
   const double startup = std::max(0.0, tried.factors - static_cast<double>(tried.rows) / probe.rowsPerSecond);
   const auto again = [&](double rows) {
-    return (run.spec->hemicubes() ? 0.0 : kProbes * 16.0) + static_cast<double>(replicatedRows(static_cast<size_t>(rows), run.spec->hemicubes()));
+    return (run.spec->hemicubes() ? 0.0 : kProbes * 16.0) +
+           static_cast<double>(replicatedRows(static_cast<size_t>(rows), run.spec->hemicubes()));
   };
   const double sweeps = std::min(0.8 * tried.light, kSecondsPerEntry * tried.entries * tried.passes);
   ForecastReport f;
@@ -101,9 +101,9 @@ ForecastReport forecastOf(const RunState& run, const RowProbe& probe, double mat
               tried.checks * again(n) / again(static_cast<double>(tried.rows)) + (tried.light - sweeps) * more +
               sweeps * matrixBytes / sizeof(float) / tried.entries;
   f.peakBytes =
-      resident + static_cast<uint64_t>(
-                     kSizeClasses * matrixBytes * (1 + static_cast<double>(replicatedRows(probe.rows, run.spec->hemicubes())) / n) +
-                     kBytesPerPatch * n + kFixedBytes);
+      resident + static_cast<uint64_t>(kSizeClasses * matrixBytes *
+                                           (1 + static_cast<double>(replicatedRows(probe.rows, run.spec->hemicubes())) / n) +
+                                       kBytesPerPatch * n + kFixedBytes);
   return f;
 }
 
@@ -111,8 +111,8 @@ ForecastReport forecastOf(const RunState& run, const RowProbe& probe, double mat
 void sayForecast(RunState& run, const RowProbe& probe, double matrixBytes, uint64_t resident) {
   try {
     const ForecastReport f = forecastOf(run, probe, matrixBytes, resident);
-    run.say("solve would take {:.2g} s and {:.3g} MB (from {} patches)", f.seconds,
-            1e-6 * static_cast<double>(f.peakBytes), f.tried);
+    run.say("solve would take {:.2g} s and {:.3g} MB (from {} patches)", f.seconds, 1e-6 * static_cast<double>(f.peakBytes),
+            f.tried);
     run.report.forecast = f;
   } catch (const Error& e) {
     run.say("solve would be refused: {}", e.what());
@@ -127,12 +127,11 @@ void forecast(RunState& run) {
   run.say(
       "area {:.6g} square units, {} patches emit, {} have a specular share; {} cameras, {} punctual lights, {} "
       "textures",
-      run.report.area, run.report.emittingPatches, run.report.specularPatches, run.scene.cameras.size(),
-      run.scene.lights.size(), run.scene.textures.size());
+      run.report.area, run.report.emittingPatches, run.report.specularPatches, run.scene.cameras.size(), run.scene.lights.size(),
+      run.scene.textures.size());
   for (const Camera& c : run.scene.cameras) run.say("camera '{}'", c.name);
   if (run.facets.welded > 0)
-    run.say("{} vertices were moved to a neighbour within {:.3g} units", run.facets.welded,
-            kWeldTolerance * run.facets.frame.size);
+    run.say("{} vertices were moved to a neighbour within {:.3g} units", run.facets.welded, kWeldTolerance * run.facets.frame.size);
   run.say("method: {} ({})", methodText(*run.spec), run.report.why);
   const uint64_t resident = residentWithMaker(run);
   const RowProbe probe = probeRows(run.situation, *run.spec, kProbeSeconds);
@@ -148,8 +147,8 @@ void forecast(RunState& run) {
   run.report.emitters = plan.emitters;
   run.report.lampsWhy = plan.why;
   if (run.report.emittingPatches > 0) run.say("emitters: {}", plan.why);
-  run.say("form factors would take {:.3g} s ({:.0f} rows/s measured)",
-          static_cast<double>(probe.rows) / probe.rowsPerSecond, probe.rowsPerSecond);
+  run.say("form factors would take {:.3g} s ({:.0f} rows/s measured)", static_cast<double>(probe.rows) / probe.rowsPerSecond,
+          probe.rowsPerSecond);
   if (run.lit()) sayForecast(run, probe, storage.bytes, resident);
   run.report.clock.finish("probe");
 }

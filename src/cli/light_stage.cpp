@@ -6,8 +6,7 @@ namespace farol {
 
 void light(RunState& run) {
   if (run.f) {
-    run.lighting =
-        run.lightings.make(run.scene, run.patches, run.options.sky, *run.f, *run.spec, run.replicates, run.solveDevice);
+    run.lighting = run.lightings.make(run.scene, run.patches, run.options.sky, *run.f, *run.spec, run.replicates, run.solveDevice);
     leaveFailedDevice(run, run.lighting.solution);
     run.report.lamps = run.lighting.plan.lamps.size();
     run.report.emitters = run.lighting.plan.emitters;
@@ -35,8 +34,7 @@ void reportSolution(RunState& run) {
   run.report.solution->radiosity.clear();
   run.report.solution->irradiance.clear();
   if (!run.f) return;
-  run.report.energy =
-      energyBalance(*run.f, run.patches, run.lighting.solution, run.options.sky, run.lighting.fromPunctual);
+  run.report.energy = energyBalance(*run.f, run.patches, run.lighting.solution, run.options.sky, run.lighting.fromPunctual);
   run.report.estimatedError = relativeError(*run.f, run.patches, run.lighting);
 }
 
@@ -48,14 +46,12 @@ void sayLight(const RunState& run) {
     return;
   }
   if (run.report.emittingPatches > 0) run.say("emitters: {}", run.lighting.plan.why);
-  run.say(
-      "light: {} of {} lamps apart, {} punctual lights, {} shadow rays; error of H {:.2g} of its mean (rms, estimated)",
-      run.report.lamps, run.report.emitters, run.scene.lights.size(), run.report.shadowRays,
-      *run.report.estimatedError);
+  run.say("light: {} of {} lamps apart, {} punctual lights, {} shadow rays; error of H {:.2g} of its mean (rms, estimated)",
+          run.report.lamps, run.report.emitters, run.scene.lights.size(), run.report.shadowRays, *run.report.estimatedError);
   const Solution& s = run.lighting.solution;
   run.say("solve: {} on {} ({}): {} sweeps, residual {:.3g}, contraction {:.4f}, error of B {:.2g} of its mean: {}",
-          run.solveDevice != nullptr ? "jacobi" : solverName(s.kind), run.report.solveOn, run.report.solveOnWhy,
-          s.sweeps, s.residual, s.contraction, s.error, s.converged ? "converged" : "NOT converged");
+          run.solveDevice != nullptr ? "jacobi" : solverName(s.kind), run.report.solveOn, run.report.solveOnWhy, s.sweeps,
+          s.residual, s.contraction, s.error, s.converged ? "converged" : "NOT converged");
   const EnergyBalance& e = *run.report.energy;
   const double in = luminance(e.emitted + e.fromSky + e.fromPunctual);
   run.say("energy: {:.4g} in, {:.4g} absorbed, {:.4g} to the open, {:.4g} to backs (balance within {:.2g} %)", in,

@@ -23,13 +23,16 @@ LampPlan LightingMaker::plan(const PatchSet& patches, const MethodSpec& spec) co
 }
 
 // On two cores an image costs a patch 0.6 us, as much as a shadow ray costs light that is followed from the lamps.
-Shining LightingMaker::shining(const LampPlan& plan, const Scene& scene, const PatchSet& patches, bool imagesOfLamps, size_t mostImages) const {
+Shining LightingMaker::shining(const LampPlan& plan, const Scene& scene, const PatchSet& patches, bool imagesOfLamps,
+                               size_t mostImages) const {
   Shining s{plan.lamps, scene.lights, std::nullopt, false};
   if (!patches.anySpecular() || (s.lights.empty() && (s.lamps.empty() || !imagesOfLamps))) return s;
   s.mirrors.emplace(facets_, patches);
   const size_t most = std::min(kMostLampImages, mostImages);
-  const auto ofLamps = lampImages(imagesOfLamps ? std::span<const Lamp>(plan.lamps) : std::span<const Lamp>(), *s.mirrors, methods_.limits(), most);
-  const auto ofLights = lightImages(scene.lights, facets_.frame, *s.mirrors, methods_.limits(), most - (ofLamps ? ofLamps->size() : 0));
+  const auto ofLamps =
+      lampImages(imagesOfLamps ? std::span<const Lamp>(plan.lamps) : std::span<const Lamp>(), *s.mirrors, methods_.limits(), most);
+  const auto ofLights =
+      lightImages(scene.lights, facets_.frame, *s.mirrors, methods_.limits(), most - (ofLamps ? ofLamps->size() : 0));
   s.follow = !ofLamps || !ofLights;
   if (s.follow) {
     s.mirrors.reset();
@@ -46,13 +49,14 @@ size_t LightingMaker::imagesWanted(const LampPlan& plan, const Scene& scene, con
 }
 
 // Shadow rays stop at mirrors and glass: what these pass on of lamps apart and punctual lights is followed from there.
-void LightingMaker::addFollowed(const PatchSet& patches, std::span<const uint8_t> apart, std::span<const PunctualLight> lights, const std::vector<double>& exposed,
-                                DirectLight& direct) const {
+void LightingMaker::addFollowed(const PatchSet& patches, std::span<const uint8_t> apart, std::span<const PunctualLight> lights,
+                                const std::vector<double>& exposed, DirectLight& direct) const {
   constexpr size_t kPerShadowRay = 4;
   const RayTree tree(methods_.tracer(), facets_, patches, methods_.limits());
   Progress progress(log_, "light over mirrors and through glass", "patches", patches.size());
   const SpecularLight more =
-      traceSpecularLight(methods_.tracer(), facets_, patches, tree, apart, lights, exposed, kPerShadowRay * options_.shadowRays * patches.size(), mixBits(options_.seed + 2),
+      traceSpecularLight(methods_.tracer(), facets_, patches, tree, apart, lights, exposed,
+                         kPerShadowRay * options_.shadowRays * patches.size(), mixBits(options_.seed + 2),
                          [&](double done) { progress.update(static_cast<size_t>(done * static_cast<double>(patches.size()))); });
   for (size_t i = 0; i < patches.size(); ++i) {
     direct.irradiance[i] += more.irradiance[i];
@@ -61,23 +65,22 @@ void LightingMaker::addFollowed(const PatchSet& patches, std::span<const uint8_t
   direct.rays += more.rays;
 }
 
-void LightingMaker::addDirect(const Scene& scene, const PatchSet& patches, const FormFactorMatrix& f,
-                              Lighting& lighting) const {
+void LightingMaker::addDirect(const Scene& scene, const PatchSet& patches, const FormFactorMatrix& f, Lighting& lighting) const {
   if (lighting.plan.lamps.empty() && scene.lights.empty()) return;
   std::vector<double> exposed(patches.size());
   for (size_t i = 0; i < exposed.size(); ++i) exposed[i] = f.shares(i).exposed;
   const Shining all = shining(lighting.plan, scene, patches, true);
   const auto computed = [&](std::span<const Lamp> lamps, std::span<const uint8_t> apart) {
     Progress progress(log_, "direct light", "patches", 2 * patches.size());
-    DirectLight light = DirectIrradiance(methods_.tracer(), facets_, patches, lamps, all.lights, {options_.shadowRays, options_.seed, all.mirrors ? &*all.mirrors : nullptr})
-        .compute(exposed, [&](size_t done) { progress.update(done); });
+    DirectLight light = DirectIrradiance(methods_.tracer(), facets_, patches, lamps, all.lights,
+                                         {options_.shadowRays, options_.seed, all.mirrors ? &*all.mirrors : nullptr})
+                            .compute(exposed, [&](size_t done) { progress.update(done); });
     if (all.follow) addFollowed(patches, apart, scene.lights, exposed, light);
     return light;
   };
   lighting.direct = computed(all.lamps, lighting.plan.apart);
   lighting.direct.apart = lighting.plan.apart;
-  if (!scene.lights.empty())
-    lighting.fromPunctual = computed({}, std::vector<uint8_t>(patches.size())).irradiance;
+  if (!scene.lights.empty()) lighting.fromPunctual = computed({}, std::vector<uint8_t>(patches.size())).irradiance;
 }
 
 Lighting LightingMaker::solve(const Scene& scene, const PatchSet& patches, const Rgb& sky, const FormFactorMatrix& f,
@@ -98,8 +101,7 @@ Lighting LightingMaker::solve(const Scene& scene, const PatchSet& patches, const
 Lighting LightingMaker::make(const Scene& scene, const PatchSet& patches, const Rgb& sky, const FormFactorMatrix& f,
                              const MethodSpec& spec, const Replicates& replicates, const gpu::Device* device) const {
   Lighting lighting = solve(scene, patches, sky, f, spec, device);
-  lighting.error =
-      irradianceError(f, patches, lighting.direct, lighting.solution, replicates, samplesOf(spec), sky);
+  lighting.error = irradianceError(f, patches, lighting.direct, lighting.solution, replicates, samplesOf(spec), sky);
   for (int c = 1; c < 3 && f.coloured(); ++c) {
     Replicates own = replicates;
     if (own.rows) own.rows = replicates.rows->ofChannel(c);
@@ -127,7 +129,8 @@ uint32_t raysBeside(double pixels) {
 
 }  // namespace
 
-Replicates replicatesOf(Methods& methods, const PatchSet& patches, const MethodSpec& spec, const FormFactorMatrix& f, size_t probes) {
+Replicates replicatesOf(Methods& methods, const PatchSet& patches, const MethodSpec& spec, const FormFactorMatrix& f,
+                        size_t probes) {
   Replicates replicates;
   if (spec.kind == MethodSpec::Kind::exact || probes == 0) return replicates;
   const Stopwatch watch;
@@ -146,7 +149,8 @@ Replicates replicatesOf(Methods& methods, const PatchSet& patches, const MethodS
   return replicates;
 }
 
-ProbeRows makeProbes(Methods& methods, const PatchSet& patches, const MethodSpec& spec, const FormFactorMatrix& f, size_t count, uint32_t better) {
+ProbeRows makeProbes(Methods& methods, const PatchSet& patches, const MethodSpec& spec, const FormFactorMatrix& f, size_t count,
+                     uint32_t better) {
   ProbeRows probes;
   if (spec.kind == MethodSpec::Kind::exact) return probes;
   probes.patches = chooseProbes(patches, count);
@@ -156,8 +160,9 @@ ProbeRows makeProbes(Methods& methods, const PatchSet& patches, const MethodSpec
   };
   MethodSpec reference = spec;
   reference.kind = MethodSpec::Kind::rays;
-  reference.rays = spec.kind == MethodSpec::Kind::rays ? better * spec.rays
-                   : count > kProbes || spec.resolution > 64 ? 65536 : 16384;
+  reference.rays = spec.kind == MethodSpec::Kind::rays       ? better * spec.rays
+                   : count > kProbes || spec.resolution > 64 ? 65536
+                                                             : 16384;
   if (spec.kind == MethodSpec::Kind::rays) reference.rays = std::min(reference.rays, std::max(2 * spec.rays, 1u << 18));
   reference.seed = mixBits(spec.seed);
   make(reference, probes.reference);

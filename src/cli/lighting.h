@@ -4,8 +4,8 @@
 
 #include "cli/methods.h"
 #include "formfactor/error_model.h"
-#include "trace/planar_mirrors.h"
 #include "solve/irradiance_error.h"
+#include "trace/planar_mirrors.h"
 
 namespace farol {
 
@@ -14,7 +14,7 @@ struct Lighting {
   DirectLight direct;
   std::vector<Rgb> fromPunctual;  // irradiance per patch by punctual lights; empty: none
   Solution solution;
-  std::vector<Rgb> error;     // of H per patch (irradiance_error.h)
+  std::vector<Rgb> error;  // of H per patch (irradiance_error.h)
 };
 
 // What sends direct light, with its images in planar mirrors.
@@ -42,12 +42,12 @@ class LightingMaker {
   size_t imagesWanted(const LampPlan& plan, const Scene& scene, const PatchSet& patches) const;
 
   // `device`: sweeps run there. Without errors.
-  Lighting solve(const Scene& scene, const PatchSet& patches, const Rgb& sky, const FormFactorMatrix& f,
-                 const MethodSpec& spec, const gpu::Device* device) const;
+  Lighting solve(const Scene& scene, const PatchSet& patches, const Rgb& sky, const FormFactorMatrix& f, const MethodSpec& spec,
+                 const gpu::Device* device) const;
 
   // With errors.
-  Lighting make(const Scene& scene, const PatchSet& patches, const Rgb& sky, const FormFactorMatrix& f,
-                const MethodSpec& spec, const Replicates& replicates, const gpu::Device* device) const;
+  Lighting make(const Scene& scene, const PatchSet& patches, const Rgb& sky, const FormFactorMatrix& f, const MethodSpec& spec,
+                const Replicates& replicates, const gpu::Device* device) const;
 
   // Without F: emitters as points, or nothing at all.
   Lighting local(const Scene& scene, const PatchSet& patches) const;
@@ -55,8 +55,8 @@ class LightingMaker {
  private:
   Shining shining(const LampPlan& plan, const Scene& scene, const PatchSet& patches, bool imagesOfLamps, size_t mostImages) const;
   void addDirect(const Scene& scene, const PatchSet& patches, const FormFactorMatrix& f, Lighting& lighting) const;
-  void addFollowed(const PatchSet& patches, std::span<const uint8_t> apart, std::span<const PunctualLight> lights, const std::vector<double>& exposed,
-                   DirectLight& direct) const;
+  void addFollowed(const PatchSet& patches, std::span<const uint8_t> apart, std::span<const PunctualLight> lights,
+                   const std::vector<double>& exposed, DirectLight& direct) const;
 
   const Options& options_;
   const FacetSet& facets_;
@@ -65,15 +65,18 @@ class LightingMaker {
 };
 
 // Rows of some patches once more, by other random numbers or, for hemicubes, by many rays.
-Replicates replicatesOf(Methods& methods, const PatchSet& patches, const MethodSpec& spec, const FormFactorMatrix& f, size_t probes);
+Replicates replicatesOf(Methods& methods, const PatchSet& patches, const MethodSpec& spec, const FormFactorMatrix& f,
+                        size_t probes);
 
 inline constexpr size_t kProbes = 24;  // rows made better to tell how good the others are; more when methods are compared
 
 // About `count` rows by many rays, `better` times as many as those of `spec`, as a reference; in scenes of few patches also
 // rows like F's with other seeds.
-ProbeRows makeProbes(Methods& methods, const PatchSet& patches, const MethodSpec& spec, const FormFactorMatrix& f, size_t count, uint32_t better = 16);
+ProbeRows makeProbes(Methods& methods, const PatchSet& patches, const MethodSpec& spec, const FormFactorMatrix& f, size_t count,
+                     uint32_t better = 16);
 
-// Root of the area-weighted mean square of `error` over the mean of H, of the channel where that is largest; areas are exposed areas.
+// Root of the area-weighted mean square of `error` over the mean of H, of the channel where that is largest; areas are exposed
+// areas.
 double relativeError(const FormFactorMatrix& f, const PatchSet& patches, const Lighting& lighting);
 
 }  // namespace farol

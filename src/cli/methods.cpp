@@ -104,13 +104,10 @@ double samplesOf(const MethodSpec& s) {
 }
 
 size_t coresFor(const Options& options) {
-  return options.threads > 0 ? static_cast<size_t>(options.threads)
-                             : std::max<size_t>(1, std::thread::hardware_concurrency());
+  return options.threads > 0 ? static_cast<size_t>(options.threads) : std::max<size_t>(1, std::thread::hardware_concurrency());
 }
 
-size_t mostSoftwareDevices(const Options& options) {
-  return std::min<size_t>(coresFor(options), 8);
-}
+size_t mostSoftwareDevices(const Options& options) { return std::min<size_t>(coresFor(options), 8); }
 
 const Tracer& Methods::tracer() {
   if (!tracer_) tracer_ = std::make_unique<Tracer>(facets_);
@@ -177,13 +174,13 @@ std::unique_ptr<RowMaker> Methods::rasterMaker(const MethodSpec& spec) {
   // Setting up a device takes as long as some hundred hemicubes: small jobs do with fewer.
   constexpr size_t kWorthADevice = 1000;  // hemicubes
   const size_t worthwhile = patches_.frontPatchCount * static_cast<size_t>(spec.positions) / kWorthADevice;
-  softwareDevices =
-      first.info().type == "CPU" ? std::clamp<size_t>(worthwhile, 1, mostSoftwareDevices(options_)) : 1;
+  softwareDevices = first.info().type == "CPU" ? std::clamp<size_t>(worthwhile, 1, mostSoftwareDevices(options_)) : 1;
   o.deviceMemory /= softwareDevices;
   while (team.size() < softwareDevices) team.push_back(std::make_unique<gpu::Device>(std::to_string(first.info().index)));
   std::vector<std::future<std::unique_ptr<RasterRowMaker>>> starting;  // pipelines take their time
   for (size_t k = 0; k < softwareDevices; ++k)
-    starting.push_back(std::async(std::launch::async, [&, k] { return std::make_unique<RasterRowMaker>(*team[k], facets_, patches_, o); }));
+    starting.push_back(
+        std::async(std::launch::async, [&, k] { return std::make_unique<RasterRowMaker>(*team[k], facets_, patches_, o); }));
   std::vector<std::unique_ptr<RowMaker>> makers;
   for (auto& start : starting) {
     auto maker = start.get();

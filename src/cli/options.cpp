@@ -32,35 +32,31 @@ CLI::Validator inRange(T low, T high) {
   return CLI::Validator(
       [low, high](std::string& text) -> std::string {
         T value{};
-        if (!CLI::detail::lexical_cast(text, value))
-          return fmt::format("{} is not a number from {} to {}", text, low, high);
-        if (!(value >= low && value <= high))
-          return fmt::format("{} is outside the range from {} to {}", text, low, high);
+        if (!CLI::detail::lexical_cast(text, value)) return fmt::format("{} is not a number from {} to {}", text, low, high);
+        if (!(value >= low && value <= high)) return fmt::format("{} is outside the range from {} to {}", text, low, high);
         return "";
       },
       fmt::format("{}..{}", low, high));
 }
 
-void addScene(CLI::App* app, Options& o) {
-  app->add_option("SCENE", o.scene, "glTF 2.0 scene (.gltf or .glb)")->required();
-}
+void addScene(CLI::App* app, Options& o) { app->add_option("SCENE", o.scene, "glTF 2.0 scene (.gltf or .glb)")->required(); }
 
 void addPatches(CLI::App* app, Options& o) {
-  auto* count = app->add_option("--patches", o.patches, "About so many patches")
-                    ->check(inRange<size_t>(1, 1u << 30))
-                    ->group("Patches");
+  auto* count =
+      app->add_option("--patches", o.patches, "About so many patches")->check(inRange<size_t>(1, 1u << 30))->group("Patches");
   app->add_option("--patch-size", o.patchSize, "Longest cell edge [scene units], instead of --patches")
       ->check(CLI::Validator(
           [](std::string& text) {
             double value = 0;
-            return CLI::detail::lexical_cast(text, value) && value > 0 && std::isfinite(value)
-                       ? ""
-                       : text + " is not a length above 0";
+            return CLI::detail::lexical_cast(text, value) && value > 0 && std::isfinite(value) ? ""
+                                                                                               : text + " is not a length above 0";
           },
           "LENGTH"))
       ->excludes(count)
       ->group("Patches");
-  app->add_option("--cluster", o.cluster, "Gather facets smaller than a patch into patches where they turn by no more than so many degrees; 0: a patch each")
+  app->add_option(
+         "--cluster", o.cluster,
+         "Gather facets smaller than a patch into patches where they turn by no more than so many degrees; 0: a patch each")
       ->check(inRange<double>(0, 60))
       ->group("Patches");
 }
@@ -85,13 +81,13 @@ void addSeedAndSky(CLI::App* app, Options& o, RawOptions& raw) {
 }
 
 void addFormFactors(CLI::App* app, Options& o, RawOptions& raw) {
-  app->add_option("--method", o.method, "How rows of F are made: raster, rays, hybrid (raster, rays from mirrors and glass), or exact (closed forms)")
+  app->add_option("--method", o.method,
+                  "How rows of F are made: raster, rays, hybrid (raster, rays from mirrors and glass), or exact (closed forms)")
       ->check(CLI::IsMember({"auto", "raster", "rays", "hybrid", "exact"}))
       ->group("Form factors");
   app->add_option("--resolution", o.resolution, "Pixels along a hemicube's edge, even")
       ->check(inRange<uint32_t>(8, 1024))
-      ->check(
-          CLI::Validator([](std::string& text) { return std::stoul(text) % 2 == 0 ? "" : text + " is not even"; }, ""))
+      ->check(CLI::Validator([](std::string& text) { return std::stoul(text) % 2 == 0 ? "" : text + " is not even"; }, ""))
       ->group("Form factors");
   app->add_option("--projection", raw.projection, "hemicube or tetrahedron")
       ->check(CLI::IsMember({"hemicube", "tetrahedron"}))
@@ -113,7 +109,8 @@ void addLight(CLI::App* app, Options& o, RawOptions& raw) {
   app->add_option("--emitters", raw.emitters, "apart: small bright lamps light directly, F carries the rest; or matrix")
       ->check(CLI::IsMember({"apart", "matrix"}))
       ->group("Light");
-  app->add_option("--shadow-rays", o.shadowRays, "Shadow rays per patch, shared by all lamps: four times as many in penumbras, a fourth where all is clear")
+  app->add_option("--shadow-rays", o.shadowRays,
+                  "Shadow rays per patch, shared by all lamps: four times as many in penumbras, a fourth where all is clear")
       ->check(inRange<uint32_t>(1, 1u << 20))
       ->group("Light");
 }
@@ -148,8 +145,7 @@ void addSolve(CLI::App* app, Options& o, RawOptions& raw) {
 }
 
 void addMachine(CLI::App* app, Options& o) {
-  app->add_option("--device", o.device, "Vulkan device by index or part of its name (farol devices lists them)")
-      ->group("Machine");
+  app->add_option("--device", o.device, "Vulkan device by index or part of its name (farol devices lists them)")->group("Machine");
   app->add_option("--memory", o.memory, "Memory for form factors, such as 4G; 0: four fifths of what is free")
       ->transform(CLI::AsSizeValue(false))
       ->group("Machine");
@@ -178,8 +174,7 @@ void parseSize(const std::string& text, Options& o) {
   constexpr unsigned kMax = 32768;
   const std::vector<std::string> parts = CLI::detail::split(text, 'x');
   unsigned w = 0, h = 0;
-  const bool good =
-      parts.size() == 2 && CLI::detail::lexical_cast(parts[0], w) && CLI::detail::lexical_cast(parts[1], h);
+  const bool good = parts.size() == 2 && CLI::detail::lexical_cast(parts[0], w) && CLI::detail::lexical_cast(parts[1], h);
   if (!good || w < 1 || h < 1 || w > kMax || h > kMax) {
     throw UsageError("--size: {} is not WIDTHxHEIGHT with 1 to {} pixels each", text, kMax);
   }
@@ -236,17 +231,20 @@ std::string unknownArgument(const CLI::App& app) {
 void chooseTolerance(Options& o) {
   constexpr double kUsual = 0.01;
   const bool kept = !o.factors.empty() || !o.variants.empty() || o.localIllumination;
-  if (o.gave("--adapt") && kept) throw UsageError("--adapt chooses patches before F is made: it does not go with --factors, --variants or --illumination local");
+  if (o.gave("--adapt") && kept)
+    throw UsageError("--adapt chooses patches before F is made: it does not go with --factors, --variants or --illumination local");
   if (o.gave("--cluster") && o.gave("--adapt"))
     throw UsageError("--cluster makes patches of several facets: it does not go with --adapt, which makes several of one");
-  if (o.gave("--adapt") && o.gave("--tolerance")) throw UsageError("--adapt and --tolerance both choose patches: one of them is enough");
+  if (o.gave("--adapt") && o.gave("--tolerance"))
+    throw UsageError("--adapt and --tolerance both choose patches: one of them is enough");
   if (o.gave("--tolerance")) {
-    if (kept) throw UsageError("--tolerance chooses how F is made: it does not go with --factors, --variants or --illumination local");
+    if (kept)
+      throw UsageError("--tolerance chooses how F is made: it does not go with --factors, --variants or --illumination local");
     return;
   }
   if (kept || (o.command != Command::render && o.command != Command::solve && o.command != Command::info)) return;
-  for (const char* own : {"--patches", "--patch-size", "--cluster", "--adapt", "--method", "--resolution", "--projection", "--positions", "--rays", "--near-field", "--emitters",
-                          "--shadow-rays"}) {
+  for (const char* own : {"--patches", "--patch-size", "--cluster", "--adapt", "--method", "--resolution", "--projection",
+                          "--positions", "--rays", "--near-field", "--emitters", "--shadow-rays"}) {
     if (o.gave(own)) return;
   }
   o.tolerance = kUsual;
@@ -270,9 +268,7 @@ uint32_t raysOf(const Options& o) {
   return forItsOwnSake || !o.emittersApart ? 4096 : 256;
 }
 
-const char* projectionName(Projection projection) {
-  return projection == Projection::hemicube ? "hemicube" : "tetrahedron";
-}
+const char* projectionName(Projection projection) { return projection == Projection::hemicube ? "hemicube" : "tetrahedron"; }
 const char* solverName(SolverKind kind) {
   for (const auto& [name, k] : kSolvers) {
     if (k == kind) return name.c_str();
@@ -303,8 +299,8 @@ Options parseOptions(int argc, char** argv, bool& handled) {
   CLI::App* factors = command("factors", "Form factors only", Command::factors);
   CLI::App* compare = command("compare", "Two methods row by row, or a method and a file of factors", Command::compare);
   CLI::App* chart = command("chart", "Error against time over methods and settings, with their data beside it", Command::chart);
-  CLI::App* info = command("info", "What is in the scene, what would be done, memory and time forecast; writes nothing",
-                           Command::info);
+  CLI::App* info =
+      command("info", "What is in the scene, what would be done, memory and time forecast; writes nothing", Command::info);
   command("devices", "Vulkan devices and CPU features", Command::devices);
   for (CLI::App* sub : {render, solve, factors, compare, info}) {
     addScene(sub, o);
@@ -313,43 +309,53 @@ Options parseOptions(int argc, char** argv, bool& handled) {
     addMachine(sub, o);
   }
   for (CLI::App* sub : {render, solve}) {
-    sub->add_option("--adapt", o.adapt, "Patches as small as their light asks for, --patch-size at most: constant patches may cost so much of the mean irradiance")
+    sub->add_option("--adapt", o.adapt,
+                    "Patches as small as their light asks for, --patch-size at most: constant patches may cost so much of the mean "
+                    "irradiance")
         ->check(inRange<double>(1e-4, 1))
         ->excludes(sub->get_option("--patches"))
         ->group("Patches");
   }
   for (CLI::App* sub : {render, solve, factors, info}) {
-    sub->add_option("--tolerance", o.tolerance, "Error of irradiance, relative to its mean, that patches, method and samples are chosen for; what is given is kept. "
-                                                "Without options of these, render and solve take 0.01")
+    sub->add_option(
+           "--tolerance", o.tolerance,
+           "Error of irradiance, relative to its mean, that patches, method and samples are chosen for; what is given is kept. "
+           "Without options of these, render and solve take 0.01")
         ->check(inRange<double>(1e-5, 1))
         ->group("Accuracy");
-    sub->add_option("--time", o.time, "Seconds that a tolerance may take; 0: any")->check(inRange<double>(0, 1e9))->group("Accuracy");
+    sub->add_option("--time", o.time, "Seconds that a tolerance may take; 0: any")
+        ->check(inRange<double>(0, 1e9))
+        ->group("Accuracy");
   }
   addScene(chart, o);
   addPatches(chart, o);
   addPaths(chart, o);
   addSeedAndSky(chart, o, raw);
   addMachine(chart, o);
-  chart->add_option("-o,--output", o.output, "Chart: .svg, .png or .html; .csv, .json and .reference.csv lie beside it")->required()->group("Results");
-  chart->add_option("--time", o.time, "Seconds that all may take together; default: 60")->check(inRange<double>(1, 1e6))->group("Machine");
+  chart->add_option("-o,--output", o.output, "Chart: .svg, .png or .html; .csv, .json and .reference.csv lie beside it")
+      ->required()
+      ->group("Results");
+  chart->add_option("--time", o.time, "Seconds that all may take together; default: 60")
+      ->check(inRange<double>(1, 1e6))
+      ->group("Machine");
   for (CLI::App* sub : {render, solve, factors}) {
-    sub->add_flag("--repair", o.repair, "Balance rows of F: A_i F_ij = A_j F_ji, every row's sum kept; the change is told")->group("Form factors");
+    sub->add_flag("--repair", o.repair, "Balance rows of F: A_i F_ij = A_j F_ji, every row's sum kept; the change is told")
+        ->group("Form factors");
   }
   for (CLI::App* sub : {render, solve}) {
-    CLI::Option* kept = sub->add_option("--factors", o.factors, "F kept by `farol factors -o F.npz`, with its patches")
-                            ->group("Form factors");
+    CLI::Option* kept =
+        sub->add_option("--factors", o.factors, "F kept by `farol factors -o F.npz`, with its patches")->group("Form factors");
     for (const char* own : {"--method", "--resolution", "--projection", "--positions", "--near-field", "--rays"})
       kept->excludes(sub->get_option(own));
   }
-  render->add_option("-o,--output", o.output, "Picture: .png (sRGB) or .exr (linear radiance)")
-      ->required()
-      ->group("Results");
+  render->add_option("-o,--output", o.output, "Picture: .png (sRGB) or .exr (linear radiance)")->required()->group("Results");
   solve->add_option("-o,--output", o.output, "Lit scene: .glb")->group("Results");
   factors->add_option("-o,--output", o.output, "Form factors: .csv, .npz (can be solved again), .npy or .mtx")->group("Results");
   factors->add_option("--by", o.by, "surface or patch; default: surface for .csv, patch otherwise")
       ->check(CLI::IsMember({"surface", "patch"}))
       ->group("Results");
-  const char* methodHelp = "raster:R[@DEVICE][,tetrahedron][,positions=P][,near-field=off], hybrid:R[...], rays:K, exact, F.npz, F.npy; or gpu and cpu";
+  const char* methodHelp =
+      "raster:R[@DEVICE][,tetrahedron][,positions=P][,near-field=off], hybrid:R[...], rays:K, exact, F.npz, F.npy; or gpu and cpu";
   compare->add_option("A", o.methodA, methodHelp)->required();
   compare->add_option("B", o.methodB, methodHelp)->required();
   compare->add_option("-o,--output", o.output, "Picture of where they differ: .png")->group("Results");
@@ -414,8 +420,7 @@ Options parseOptions(int argc, char** argv, bool& handled) {
     const bool table = o.output.empty() || endingOf(o.output) == ".csv";
     if (o.by.empty()) o.by = table ? "surface" : "patch";
     if ((o.by == "surface") != table)
-      throw UsageError("--by {} cannot be written to {}: .csv is by surface, .npz, .npy and .mtx are by patch", o.by,
-                       o.output);
+      throw UsageError("--by {} cannot be written to {}: .csv is by surface, .npz, .npy and .mtx are by patch", o.by, o.output);
   }
   return o;
 }
@@ -431,8 +436,10 @@ std::string explicitCommand(const Options& o, const MethodSpec& method) {
     add("--patches", o.patches);
   if (o.cluster > 0) add("--cluster", o.cluster);
   if (o.adapt > 0) add("--adapt", o.adapt);
-  if (!o.factors.empty()) add("--factors", o.factors);
-  else if (o.command != Command::compare) add("--method", methodName(method.kind));
+  if (!o.factors.empty())
+    add("--factors", o.factors);
+  else if (o.command != Command::compare)
+    add("--method", methodName(method.kind));
   if (!o.factors.empty()) {
     // the file says how F was made
   } else if (method.hemicubes()) {

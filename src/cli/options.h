@@ -53,7 +53,7 @@ struct Options {
   uint64_t seed = 1;
   bool repair = false;  // rows balanced to reciprocity and their own sums
   std::string factors;  // F kept in a file, instead of making it
-  std::string by;  // factors: "surface" or "patch"; empty: from the file's ending
+  std::string by;       // factors: "surface" or "patch"; empty: from the file's ending
 
   // compare
   std::string methodA, methodB;
@@ -76,7 +76,7 @@ struct Options {
 
   // machine
   std::string device;
-  double time = 0;  // [s] for form factors, light and solve, or for a chart; 0: no limit
+  double time = 0;      // [s] for form factors, light and solve, or for a chart; 0: no limit
   uint64_t memory = 0;  // [bytes] for form factors; 0: four fifths of what is free
   int threads = 0;      // 0: all
 

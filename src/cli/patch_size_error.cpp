@@ -9,7 +9,9 @@ namespace {
 template <typename Join>
 PatchSizeError errorByJoining(const FormFactorMatrix& f, const PatchSet& patches, const Lighting& lighting, Join joined) {
   constexpr double kLow = 1.3, kHigh = 2;  // orders found in rooms with objects; coarse patches show less than they have
-  const auto joining = [&](uint32_t times) { return joiningError(f, patches, lighting.direct, lighting.solution, joined(times)).relative; };
+  const auto joining = [&](uint32_t times) {
+    return joiningError(f, patches, lighting.direct, lighting.solution, joined(times)).relative;
+  };
   const double twice = joining(2), fourTimes = joining(4);
   const double order = twice > 0 ? std::clamp(std::log2(std::max(fourTimes / twice - 1, 1.0)), kLow, kHigh) : kHigh;
   return {twice / (std::pow(2, order) - 1), order};
@@ -26,8 +28,8 @@ PatchSizeError patchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, 
   });
 }
 
-PatchSizeError gatheredPatchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const Scene& scene, const FacetSet& facets, const Lighting& lighting,
-                                    const PatchOptions& size) {
+PatchSizeError gatheredPatchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const Scene& scene, const FacetSet& facets,
+                                    const Lighting& lighting, const PatchOptions& size) {
   return errorByJoining(f, patches, lighting, [&](uint32_t times) {
     PatchOptions wider = size;
     wider.size *= times;
@@ -35,7 +37,8 @@ PatchSizeError gatheredPatchErrorOf(const FormFactorMatrix& f, const PatchSet& p
   });
 }
 
-double adaptedPatchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting, const Adapting& adapting) {
+double adaptedPatchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting,
+                           const Adapting& adapting) {
   const std::vector<uint32_t> joined = joinedSiblings(patches, facets, adapting.adapted.tree.levels());
   const double seen = joiningError(f, patches, lighting.direct, lighting.solution, joined).relative;
   return seen > 0 ? std::sqrt(adapting.adapted.error * seen / (std::pow(2, adapting.order) - 1)) : adapting.adapted.error;

@@ -13,13 +13,14 @@ struct PatchSizeError {
 PatchSizeError patchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting);
 
 // The same for patches of `size` that gather facets, by joining them to those of two and four times the size.
-PatchSizeError gatheredPatchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const Scene& scene, const FacetSet& facets, const Lighting& lighting,
-                                    const PatchOptions& size);
+PatchSizeError gatheredPatchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const Scene& scene, const FacetSet& facets,
+                                    const Lighting& lighting, const PatchOptions& size);
 
 // The same for patches of several sizes: the geometric mean of what their trial foretold and what joining those shows that have
 // three siblings of their size, nearly all, by the order that the trial has shown. Joining alone told 0.9 to 1.5 times what final
 // gathering finds in five runs of three scenes (rooms at --adapt 0.001 to 0.005), the trial 0.8 to 1.4 times, 1.8 at 0.015, their
 // mean 1.0 to 1.4 times.
-double adaptedPatchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting, const Adapting& adapting);
+double adaptedPatchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting,
+                           const Adapting& adapting);
 
 }  // namespace farol

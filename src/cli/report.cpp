@@ -10,9 +10,7 @@ namespace {
 
 using nlohmann::json;
 
-json channels(const Rgb& c) {
-  return {c.r, c.g, c.b};
-}
+json channels(const Rgb& c) { return {c.r, c.g, c.b}; }
 
 json optionsOf(const Options& o) {
   return {{"patches", o.patches},
@@ -127,10 +125,7 @@ void writeReport(const std::string& path, const Report& r) {
   if (!r.embree.empty()) j["embree"] = r.embree;
   j["method"] = {{"form_factors", r.checks ? methodName(r.method.kind) : "none"}, {"why", r.why}};
   if (!r.lampsWhy.empty()) {
-    j["light"] = {{"lamps_apart", r.lamps},
-                  {"emitters", r.emitters},
-                  {"why", r.lampsWhy},
-                  {"shadow_rays", r.shadowRays}};
+    j["light"] = {{"lamps_apart", r.lamps}, {"emitters", r.emitters}, {"why", r.lampsWhy}, {"shadow_rays", r.shadowRays}};
   }
   j["matrix_bytes"] = r.matrixBytes;
   j["model"] = {{"colour", r.model.colour},
@@ -146,13 +141,21 @@ void writeReport(const std::string& path, const Report& r) {
                     {"why", r.storageWhy}};
   }
   if (r.repair) {
-    j["repair"] = {{"mean_l1_change", r.repair->meanChange}, {"largest_l1_change", r.repair->largestChange}, {"asymmetry_before", r.repair->asymmetry},
-                   {"closure", r.repair->closure}, {"sweeps", r.repair->sweeps}};
+    j["repair"] = {{"mean_l1_change", r.repair->meanChange},
+                   {"largest_l1_change", r.repair->largestChange},
+                   {"asymmetry_before", r.repair->asymmetry},
+                   {"closure", r.repair->closure},
+                   {"sweeps", r.repair->sweeps}};
   }
   if (r.checks) {
     const FormFactorChecks& c = *r.checks;
     j["row_sums"] = {{"min", c.rowSumMin}, {"mean", c.rowSumMean}, {"max", c.rowSumMax}};
-    j["shares"] = {{"missed", c.missed}, {"cut", c.cut}, {"backs", c.backs}, {"absorbed_in_solids", c.absorbed}, {"met_specular_first", c.specular}, {"covered_area", c.covered}};
+    j["shares"] = {{"missed", c.missed},
+                   {"cut", c.cut},
+                   {"backs", c.backs},
+                   {"absorbed_in_solids", c.absorbed},
+                   {"met_specular_first", c.specular},
+                   {"covered_area", c.covered}};
     j["reciprocity_error"] = c.reciprocityRms;
     j["pairs_checked_among"] = c.pairPatches;
     j["near_field_factors"] = {{"min", c.correctionMin}, {"max", c.correctionMax}};
@@ -165,15 +168,9 @@ void writeReport(const std::string& path, const Report& r) {
   }
   if (r.solution) {
     const Solution& s = *r.solution;
-    j["solve"] = {{"on", r.solveOn},
-                  {"why", r.solveOnWhy},
-                  {"reflectance_times_row_sum", s.bound},
-                  {"history", s.history},
-                  {"sweeps", s.sweeps},
-                  {"channels", s.channels},
-                  {"residual", s.residual},
-                  {"contraction", s.contraction},
-                  {"error", s.error},
+    j["solve"] = {{"on", r.solveOn},         {"why", r.solveOnWhy},          {"reflectance_times_row_sum", s.bound},
+                  {"history", s.history},    {"sweeps", s.sweeps},           {"channels", s.channels},
+                  {"residual", s.residual},  {"contraction", s.contraction}, {"error", s.error},
                   {"converged", s.converged}};
   }
   for (const VariantReport& v : r.variants) {
@@ -189,12 +186,14 @@ void writeReport(const std::string& path, const Report& r) {
     const EnergyBalance& e = *r.energy;
     j["energy"] = {{"emitted", channels(e.emitted)},   {"from_sky", channels(e.fromSky)},
                    {"absorbed", channels(e.absorbed)}, {"to_open", channels(e.toOpen)},
-                   {"to_backs", channels(e.toBacks)},   {"in_solids", channels(e.inSolids)}, {"cut", channels(e.cut)},   {"from_punctual_lights", channels(e.fromPunctual)},
+                   {"to_backs", channels(e.toBacks)},  {"in_solids", channels(e.inSolids)},
+                   {"cut", channels(e.cut)},           {"from_punctual_lights", channels(e.fromPunctual)},
                    {"relative_error", e.relativeError}};
   }
   j["estimated_error"] = r.estimatedError ? json(*r.estimatedError) : json(nullptr);
   if (r.adapted) j["adapted"] = {{"tried", r.adapted->tried}, {"levels", r.adapted->levels}, {"predicted", r.adapted->predicted}};
-  if (r.forecast) j["forecast"] = {{"seconds", r.forecast->seconds}, {"peak_bytes", r.forecast->peakBytes}, {"tried", r.forecast->tried}};
+  if (r.forecast)
+    j["forecast"] = {{"seconds", r.forecast->seconds}, {"peak_bytes", r.forecast->peakBytes}, {"tried", r.forecast->tried}};
   if (r.tolerance) {
     const ToleranceReport& t = *r.tolerance;
     const auto parts = [](const ErrorParts& e) {
@@ -217,8 +216,7 @@ void writeReport(const std::string& path, const Report& r) {
     const SolverComparison& c = *r.solverComparison;
     json& to = j["solver_comparison"] = {{"largest", c.largest}, {"rms", c.rms}};
     for (const SolverComparison::Side& side : c.sides) {
-      to["sides"].push_back(
-          {{"device", side.device}, {"seconds", side.seconds}, {"sweeps", side.sweeps}, {"error", side.error}});
+      to["sides"].push_back({{"device", side.device}, {"seconds", side.seconds}, {"sweeps", side.sweeps}, {"error", side.error}});
     }
   }
   if (r.comparison) j["comparison"] = comparisonOf(*r.comparison);
@@ -233,7 +231,10 @@ void writeReport(const std::string& path, const Report& r) {
   j["peak_bytes"] = peak;
   j["warnings"] = json::array();
   for (const Warning& w : r.warnings) {
-    j["warnings"].push_back({{"code", w.code}, {"sentence", w.sentence}, {"surfaces", w.surfaces}, {"effect", w.effect ? json(*w.effect) : json(nullptr)}});
+    j["warnings"].push_back({{"code", w.code},
+                             {"sentence", w.sentence},
+                             {"surfaces", w.surfaces},
+                             {"effect", w.effect ? json(*w.effect) : json(nullptr)}});
   }
   OutputFile file(path);
   file.stream() << j.dump(2, ' ', false, json::error_handler_t::replace) << '\n';

@@ -13,8 +13,7 @@ namespace farol {
 namespace {
 
 NodeIrradiance nodes(RunState& run) {
-  return NodeIrradiance(run.scene, run.facets, run.patches, run.f ? &*run.f : nullptr,
-                        run.lighting.solution.irradiance);
+  return NodeIrradiance(run.scene, run.facets, run.patches, run.f ? &*run.f : nullptr, run.lighting.solution.irradiance);
 }
 
 void writePatches(RunState& run) {
@@ -51,8 +50,8 @@ void draw(RunState& run) {
   }
   writePatches(run);
   run.report.clock.finish("write");
-  run.say("picture: {} ({} x {}, camera '{}', radiance x {:.4g})", run.options.output, image.width, image.height,
-          run.camera.name, *run.report.displayScale);
+  run.say("picture: {} ({} x {}, camera '{}', radiance x {:.4g})", run.options.output, image.width, image.height, run.camera.name,
+          *run.report.displayScale);
 }
 
 void writeSolved(RunState& run) {
@@ -74,12 +73,13 @@ void readSensorsHere(RunState& run) {
   const Shining shining = run.lightings.shining(run.lighting.plan, run.scene, run.patches, false);
   if (shining.follow) {
     run.log.warn({"sensors-and-punctual-lights",
-                  "what mirrors and glass pass on of point, spot and directional lights does not reach sensors, only patches: they have no area that a sensor's rays could meet"});
+                  "what mirrors and glass pass on of point, spot and directional lights does not reach sensors, only patches: they "
+                  "have no area that a sensor's rays could meet"});
   }
   const DirectIrradiance lamps(run.methods.tracer(), run.facets, run.patches, shining.lamps, shining.lights,
                                {run.options.shadowRays, run.options.seed, shining.mirrors ? &*shining.mirrors : nullptr});
-  const auto readings = readSensors(tree, run.methods.tracer(), run.facets, run.patches, lamps,
-                                    run.lighting.direct, run.lighting.solution, run.sensors, o);
+  const auto readings = readSensors(tree, run.methods.tracer(), run.facets, run.patches, lamps, run.lighting.direct,
+                                    run.lighting.solution, run.sensors, o);
   writeSensorReadings(run.options.sensorsOut, run.sensors, readings);
   double low = 1e300, high = 0, mean = 0;
   for (const SensorReading& r : readings) {
@@ -89,8 +89,8 @@ void readSensorsHere(RunState& run) {
   }
   run.report.sensors = readings.size();
   run.report.clock.finish("sensors");
-  run.say("sensors: {} readings in {}: {:.4g} to {:.4g}, mean {:.4g} (luminance)", readings.size(),
-          run.options.sensorsOut, low, high, mean);
+  run.say("sensors: {} readings in {}: {:.4g} to {:.4g}, mean {:.4g} (luminance)", readings.size(), run.options.sensorsOut, low,
+          high, mean);
 }
 
 }  // namespace
@@ -108,10 +108,9 @@ void writeFactors(RunState& run) {
     if (run.options.by == "surface")
       writeFactorsBySurface(run.options.output, run.scene, run.patches, *run.f);
     else if (run.options.output.ends_with(".npz"))
-      writeFactorsNpz(
-          run.options.output, *run.f, run.patches,
-          {methodText(*run.spec), run.spec->seed, patchOptionsOf(run.options), fingerprintOf(run.facets, run.patches)},
-          run.replicates.patches, run.replicates.rows ? &*run.replicates.rows : nullptr);
+      writeFactorsNpz(run.options.output, *run.f, run.patches,
+                      {methodText(*run.spec), run.spec->seed, patchOptionsOf(run.options), fingerprintOf(run.facets, run.patches)},
+                      run.replicates.patches, run.replicates.rows ? &*run.replicates.rows : nullptr);
     else if (run.options.output.ends_with(".npy"))
       writeFactorsNpy(run.options.output, *run.f);
     else

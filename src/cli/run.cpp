@@ -22,20 +22,16 @@ namespace {
 
 bool needsFormFactors(RunState& run) {
   if (!run.variants.empty()) return true;
-  if (!run.lit())
-    run.log.warn({"no-light", fmt::format("{}: nothing emits light, so the result is black", run.options.scene)});
+  if (!run.lit()) run.log.warn({"no-light", fmt::format("{}: nothing emits light, so the result is black", run.options.scene)});
   return run.lit() && !run.options.localIllumination;
 }
 
-bool isSolver(const std::string& text) {
-  return text == "gpu" || text == "cpu";
-}
+bool isSolver(const std::string& text) { return text == "gpu" || text == "cpu"; }
 
 // The same rows and lamps solved on the CPU and on the device.
 void compareSolvers(RunState& run) {
   if (!isSolver(run.options.methodA) || !isSolver(run.options.methodB))
-    throw UsageError("compare {} {}: gpu and cpu are compared with each other only", run.options.methodA,
-                     run.options.methodB);
+    throw UsageError("compare {} {}: gpu and cpu are compared with each other only", run.options.methodA, run.options.methodB);
   if (!run.lit()) throw Error("{}: nothing emits light: there is nothing to solve", run.options.scene);
   chooseMethod(run);
   makeFactors(run);
@@ -48,18 +44,15 @@ void compareSolvers(RunState& run) {
     Replicates none;
     const gpu::Device* device = onDevice ? &run.methods.device() : nullptr;
     const Stopwatch watch;
-    solutions[side] =
-        run.lightings.make(run.scene, run.patches, run.options.sky, *run.f, *run.spec, none, device).solution;
+    solutions[side] = run.lightings.make(run.scene, run.patches, run.options.sky, *run.f, *run.spec, none, device).solution;
     if (!solutions[side].deviceFailure.empty()) throw Error(solutions[side].deviceFailure);
-    c.sides[side] = {onDevice ? device->info().name : "CPU", watch.seconds(), solutions[side].sweeps,
-                     solutions[side].error};
+    c.sides[side] = {onDevice ? device->info().name : "CPU", watch.seconds(), solutions[side].sweeps, solutions[side].error};
   }
   addDifference(solutions[0], solutions[1], run.patches, c);
   run.report.solverComparison = c;
   run.report.clock.finish("compare");
   for (const SolverComparison::Side& side : c.sides)
-    run.say("{:<32} {:.3g} s, {} sweeps, error of B {:.2g} of its mean", side.device, side.seconds, side.sweeps,
-            side.error);
+    run.say("{:<32} {:.3g} s, {} sweeps, error of B {:.2g} of its mean", side.device, side.seconds, side.sweeps, side.error);
   run.say("difference of B: {:.3g} of a patch's own B at most, {:.3g} of the mean (rms)", c.largest, c.rms);
 }
 
@@ -90,8 +83,7 @@ int finish(RunState& run) {
 int chart(RunState& run) {
   const double before = run.report.clock.totalSeconds();
   requireWritable(besideChart(run.options.output, ".csv"));
-  ChartRun made =
-      runChart(run.options, run.scene, run.facets, besideChart(run.options.output, ".reference.csv"), run.log);
+  ChartRun made = runChart(run.options, run.scene, run.facets, besideChart(run.options.output, ".reference.csv"), run.log);
   made.chart.otherSeconds = before;
   run.report.clock.finish("chart");
   if (made.interrupted != 0 && made.chart.points.empty()) throw Interrupted(made.interrupted);
@@ -104,8 +96,7 @@ int chart(RunState& run) {
 
 // The stages of a command in order.
 int execute(RunState& run) {
-  for (const std::string& path :
-       {run.options.output, run.options.patchesCsv, run.options.report, run.options.sensorsOut}) {
+  for (const std::string& path : {run.options.output, run.options.patchesCsv, run.options.report, run.options.sensorsOut}) {
     if (!path.empty()) requireWritable(path);
   }
   if (!run.options.sensors.empty()) run.sensors = loadSensors(run.options.sensors);
@@ -127,8 +118,7 @@ int execute(RunState& run) {
       chooseMethod(run);
       if (run.options.tolerance > 0) {
         if (!run.lit())
-          throw Error("{}: nothing emits light: an error of irradiance has no meaning; leave --tolerance out",
-                      run.options.scene);
+          throw Error("{}: nothing emits light: an error of irradiance has no meaning; leave --tolerance out", run.options.scene);
         // A kept F is solved with lamps apart, as a scene is; a table or an export shall do for all light.
         run.options.emittersApart = run.options.output.ends_with(".npz");
         meetTolerance(run);
@@ -168,9 +158,8 @@ int execute(RunState& run) {
 int printDevices() {
   try {
     for (const gpu::DeviceInfo& d : gpu::listDevices()) {
-      fmt::print("{}: {} ({}), Vulkan {}, {}, {:.1f} GiB, layered drawing: {}{}\n", d.index, d.name, d.type,
-                 d.apiVersion, d.driver, static_cast<double>(d.memoryBytes) / (1 << 30),
-                 d.layeredDrawing ? "yes" : "no",
+      fmt::print("{}: {} ({}), Vulkan {}, {}, {:.1f} GiB, layered drawing: {}{}\n", d.index, d.name, d.type, d.apiVersion, d.driver,
+                 static_cast<double>(d.memoryBytes) / (1 << 30), d.layeredDrawing ? "yes" : "no",
                  d.refusal.empty() ? "" : fmt::format(" - cannot be used: {}", d.refusal));
     }
   } catch (const Error& e) {

@@ -27,16 +27,13 @@ void RunState::countPatches() {
   }
 }
 
-bool RunState::lit() const {
-  return report.emittingPatches > 0 || maxChannel(options.sky) > 0 || !scene.lights.empty();
-}
+bool RunState::lit() const { return report.emittingPatches > 0 || maxChannel(options.sky) > 0 || !scene.lights.empty(); }
 
 void load(RunState& run) {
   run.scene = loadScene(run.options.scene, run.log);
   run.report.surfaces = run.scene.surfaces.size();
   for (const Surface& s : run.scene.surfaces) run.report.triangles += s.triangles.size();
-  if (run.options.command == Command::render ||
-      (run.options.command == Command::compare && !run.options.output.empty()))
+  if (run.options.command == Command::render || (run.options.command == Command::compare && !run.options.output.empty()))
     run.camera = chooseCamera(run.scene, run.options.camera);
   if (!run.options.variants.empty()) run.variants = loadVariants(run.options.variants, run.scene);
   run.report.clock.finish("load");
@@ -71,21 +68,20 @@ void cut(RunState& run) {
   run.report.welded = run.facets.welded;
   const bool byCount = run.options.tolerance == 0 && run.options.patchSize == 0;
   if (byCount && run.options.cluster == 0 && run.facets.facets.size() > run.options.patches / 2) {
-    run.log.note(fmt::format(
-        "{} facets need at least a patch each: {} patches instead of about {}; --cluster 15 gathers small ones",
-        run.facets.facets.size(), run.patches.frontPatchCount, run.options.patches));
+    run.log.note(
+        fmt::format("{} facets need at least a patch each: {} patches instead of about {}; --cluster 15 gathers small ones",
+                    run.facets.facets.size(), run.patches.frontPatchCount, run.options.patches));
   }
   constexpr size_t kMany = 3;
-  if (byCount && run.options.cluster > 0 &&
-      2 * run.patches.frontPatchCount > kMany * run.options.patches) {
+  if (byCount && run.options.cluster > 0 && 2 * run.patches.frontPatchCount > kMany * run.options.patches) {
     run.log.note(fmt::format("many facets turn too much or stand apart: {} patches instead of about {}",
                              run.patches.frontPatchCount, run.options.patches));
   }
   run.countPatches();
   warnOfOverlaps(run.scene, run.facets, run.report.area, run.log);
   run.report.clock.finish("patches");
-  run.say("{}: {} surfaces, {} triangles, {} facets, {} patches", run.options.scene, run.report.surfaces,
-          run.report.triangles, run.report.facets, run.patches.frontPatchCount);
+  run.say("{}: {} surfaces, {} triangles, {} facets, {} patches", run.options.scene, run.report.surfaces, run.report.triangles,
+          run.report.facets, run.patches.frontPatchCount);
 }
 
 void chooseMethod(RunState& run) {

@@ -14,8 +14,8 @@ using Kind = MethodSpec::Kind;
 constexpr double kMargin = 0.78;
 constexpr size_t kProbes = 192;
 constexpr size_t kFewTried = 450, kMostTried = 12000;  // patches of a trial
-constexpr double kUsualTolerance = 0.05;  // that a trial of few patches and rays is for
-constexpr double kTight = 0.03;           // below it a trial is larger
+constexpr double kUsualTolerance = 0.05;               // that a trial of few patches and rays is for
+constexpr double kTight = 0.03;                        // below it a trial is larger
 constexpr uint32_t kLeastShadowRays = 8;
 // What a picture shows: grain of every patch and edges of shadows.
 constexpr size_t kPicturePatches = 4000;
@@ -53,7 +53,9 @@ double rounded(double value) { return std::stod(fmt::format("{:.3g}", value)); }
 std::string clusterText(const TolerancePlan& p) { return p.size.cluster > 0 ? fmt::format(" --cluster {}", p.size.cluster) : ""; }
 
 std::string patchesText(const TolerancePlan& p, double patches) {
-  if (p.adapted) return fmt::format("--adapt {} --patch-size {} (about {:.0f} of {} sizes)", p.adapt, p.size.size, patches, p.adapted->adapted.tree.levels() + 1);
+  if (p.adapted)
+    return fmt::format("--adapt {} --patch-size {} (about {:.0f} of {} sizes)", p.adapt, p.size.size, patches,
+                       p.adapted->adapted.tree.levels() + 1);
   return fmt::format("--patch-size {}{} (about {:.0f})", p.size.size, clusterText(p), patches);
 }
 
@@ -87,9 +89,12 @@ class Planner {
 
  private:
   bool fixedPatches() const { return options_.gave("--patches"); }
-  double givenPatches() const { return static_cast<double>(options_.patches > kMostTried ? std::max(options_.patches, trial_.patches) : trial_.patches); }
+  double givenPatches() const {
+    return static_cast<double>(options_.patches > kMostTried ? std::max(options_.patches, trial_.patches) : trial_.patches);
+  }
   bool fixedSamples() const {
-    return plan_.setting.spec.kind == Kind::exact || (plan_.setting.spec.kind == Kind::rays ? options_.gave("--rays") : options_.gave("--resolution"));
+    return plan_.setting.spec.kind == Kind::exact ||
+           (plan_.setting.spec.kind == Kind::rays ? options_.gave("--rays") : options_.gave("--resolution"));
   }
   bool fixedShadow() const { return options_.gave("--shadow-rays"); }
 
@@ -99,8 +104,12 @@ class Planner {
     constexpr size_t kMany = 1500;
     constexpr double kTurn = 15, kWorth = 0.7;  // [degrees]; of the patches without
     cluster_ = options_.cluster;
-    if (cluster_ > 0 || plan_.setting.spec.kind != Kind::rays || options_.gave("--cluster") || fixedPatches() || options_.patchSize > 0 || facets_.facets.size() < kMany) return;
-    const auto patches = [&](double turn) { return static_cast<double>(buildPatches(scene_, facets_, {count, 0, 0, turn}).size()); };
+    if (cluster_ > 0 || plan_.setting.spec.kind != Kind::rays || options_.gave("--cluster") || fixedPatches() ||
+        options_.patchSize > 0 || facets_.facets.size() < kMany)
+      return;
+    const auto patches = [&](double turn) {
+      return static_cast<double>(buildPatches(scene_, facets_, {count, 0, 0, turn}).size());
+    };
     if (patches(kTurn) < kWorth * patches(0)) cluster_ = kTurn;
   }
 
@@ -111,7 +120,8 @@ class Planner {
     if (tolerance_ >= kTight || cluster_ > 0 || fixedPatches() || options_.patchSize > 0) return false;
     measure(kFewTried, kUsualTolerance);
     choose();
-    return trial_.errorFor(static_cast<double>(trial_.patches), trial_.setting).total() < kEasily * tolerance_ || plan_.seconds < trial_.secondsFor(static_cast<double>(count), trialFor(tolerance_));
+    return trial_.errorFor(static_cast<double>(trial_.patches), trial_.setting).total() < kEasily * tolerance_ ||
+           plan_.seconds < trial_.secondsFor(static_cast<double>(count), trialFor(tolerance_));
   }
 
   // From a trial of so many patches, and of more where many more are wanted than were tried.
@@ -127,7 +137,8 @@ class Planner {
   }
 
   double sizeFor(double n) const {
-    return cluster_ > 0 ? trialSize_ * std::pow(n / static_cast<double>(trial_.patches), -1 / trial_.perSize) : sizeForPatches(facets_, static_cast<size_t>(n));
+    return cluster_ > 0 ? trialSize_ * std::pow(n / static_cast<double>(trial_.patches), -1 / trial_.perSize)
+                        : sizeForPatches(facets_, static_cast<size_t>(n));
   }
 
   // Samples for a trial, by what a tolerance is likely to need.
@@ -146,7 +157,9 @@ class Planner {
 
   // A trial of so many patches.
   void measure(size_t count, double tolerance) {
-    const auto sized = [&](size_t patches) { return cluster_ > 0 ? sizeForClusters(facets_, patches) : sizeForPatches(facets_, patches); };
+    const auto sized = [&](size_t patches) {
+      return cluster_ > 0 ? sizeForClusters(facets_, patches) : sizeForPatches(facets_, patches);
+    };
     PatchOptions size{count, 0, 0, cluster_};
     if (fixedPatches()) {
       size.count = std::min(options_.patches, kMostTried);
@@ -159,7 +172,8 @@ class Planner {
       constexpr double kRoom = 0.5, kLeast = 50;
       double held = static_cast<double>(count);
       while (held > kLeast && trial_.bytesFor(held, trial) > kRoom * static_cast<double>(allowedBytes(options_))) held /= 1.5;
-      if (held < static_cast<double>(count)) size.size = std::min(size.size > 0 ? size.size : 1e300, sized(static_cast<size_t>(held)));
+      if (held < static_cast<double>(count))
+        size.size = std::min(size.size > 0 ? size.size : 1e300, sized(static_cast<size_t>(held)));
     }
     SizedScene scene(options_, scene_, facets_, size);
     trial_.channels = scene.patches().colouredSpecular() ? 3 : 1;
@@ -175,7 +189,9 @@ class Planner {
       trialSize_ = size.size;
       PatchOptions half = size;
       half.size /= 2;
-      trial_.perSize = std::clamp(std::log2(static_cast<double>(buildPatches(scene_, facets_, half).frontPatchCount) / static_cast<double>(scene.patches().frontPatchCount)), 0.2, 2.0);
+      trial_.perSize = std::clamp(std::log2(static_cast<double>(buildPatches(scene_, facets_, half).frontPatchCount) /
+                                            static_cast<double>(scene.patches().frontPatchCount)),
+                                  0.2, 2.0);
       trial_.patchError = gatheredPatchErrorOf(t.f, scene.patches(), scene_, facets_, t.lighting, size);
     } else {
       trial_.patchError = patchErrorOf(t.f, scene.patches(), facets_, t.lighting);
@@ -210,7 +226,8 @@ class Planner {
     // What is given may cost more than the tolerance: the rest need not be much better then.
     constexpr double kAboveGiven = 1.1;
     const ErrorParts now = trial_.errorFor(fixedPatches() ? givenPatches() : static_cast<double>(trial_.patches), trial_.setting);
-    const double given = std::sqrt((fixedSamples() ? now.rows * now.rows : 0) + (fixedShadow() ? now.light * now.light : 0) + (fixedPatches() ? now.patches * now.patches : 0));
+    const double given = std::sqrt((fixedSamples() ? now.rows * now.rows : 0) + (fixedShadow() ? now.light * now.light : 0) +
+                                   (fixedPatches() ? now.patches * now.patches : 0));
     const double target = std::max(kMargin * tolerance_, kAboveGiven * given);
     const double smallest = static_cast<double>(buildCount(1));
     std::vector<double> counts;
@@ -218,7 +235,8 @@ class Planner {
       counts = {givenPatches()};
     } else {
       // Coarser than the trial nothing is known about edges, and little is saved.
-      const double floor = std::max({smallest, static_cast<double>(trial_.patches), wantsPicture(options_) ? static_cast<double>(kPicturePatches) : 100.0});
+      const double floor = std::max(
+          {smallest, static_cast<double>(trial_.patches), wantsPicture(options_) ? static_cast<double>(kPicturePatches) : 100.0});
       const double largest = 2e6;
       const double least = options_.patchSize > 0 ? static_cast<double>(trial_.patches) : floor;
       counts.push_back(std::max(least, floor));
@@ -240,8 +258,10 @@ class Planner {
     plan_.setting = bestSetting;
     plan_.seconds = best;
     plan_.predicted = trial_.errorFor(patches_, bestSetting);
-    if (plan_.limitedBy.empty() && plan_.predicted.total() > tolerance_) plan_.limitedBy = aim > target ? "memory" : "the options given";
-    plan_.size = fixedPatches() ? PatchOptions{options_.patches, 0, 0, cluster_} : PatchOptions{0, rounded(sizeFor(patches_)), 0, cluster_};
+    if (plan_.limitedBy.empty() && plan_.predicted.total() > tolerance_)
+      plan_.limitedBy = aim > target ? "memory" : "the options given";
+    plan_.size =
+        fixedPatches() ? PatchOptions{options_.patches, 0, 0, cluster_} : PatchOptions{0, rounded(sizeFor(patches_)), 0, cluster_};
   }
 
   // Patches as small as their light asks for, where they are predicted to cost so much less that a trial of them pays.
@@ -280,7 +300,8 @@ class Planner {
     if (!fixedSamples() && rows > 0) {
       const double perRay = std::max(trial_.perShadowRay * trial_.shadowWork(s.shadowRays) / s.shadowRays, 0.1 * trial_.perSample);
       const double a = std::pow(rows, 2) * samplesOf(s.spec) * trial_.perSample, b = std::pow(light, 2) * s.shadowRays * perRay;
-      const double share = fixedShadow() || b <= 0 ? std::max(0.1, 1 - std::pow(light / left, 2)) : std::sqrt(a) / (std::sqrt(a) + std::sqrt(b));
+      const double share =
+          fixedShadow() || b <= 0 ? std::max(0.1, 1 - std::pow(light / left, 2)) : std::sqrt(a) / (std::sqrt(a) + std::sqrt(b));
       const double allowed = left * std::sqrt(std::clamp(share, 0.1, 1.0));
       const double factor = std::pow(rows / allowed, 1 / orderOf(s.spec));
       MethodSpec scaled = s.spec;
@@ -332,30 +353,43 @@ class Planner {
     plan_.choices.clear();
     const char* given = "given";
     if (plan_.adapted) {
-      plan_.choices.push_back({"patches", patchesText(plan_, patches_), fmt::format("constant patches cost {}; of one size it would take about {:.0f}", percent(e.patches), ofOneSize_)});
+      plan_.choices.push_back(
+          {"patches", patchesText(plan_, patches_),
+           fmt::format("constant patches cost {}; of one size it would take about {:.0f}", percent(e.patches), ofOneSize_)});
     } else {
-      plan_.choices.push_back({"patches", fixedPatches() ? fmt::format("{}{}", options_.patches, clusterText(plan_)) : patchesText(plan_, patches_),
-                             fixedPatches() ? given
-                                            : fmt::format("constant patches cost {} of H's mean, from {} at {} patches{}", percent(e.patches), percent(trial_.patchError.error), trial_.patches,
-                                                          wantsPicture(options_) && patches_ < 1.01 * kPicturePatches ? "; a picture wants 4000 or more" : "")});
+      plan_.choices.push_back(
+          {"patches", fixedPatches() ? fmt::format("{}{}", options_.patches, clusterText(plan_)) : patchesText(plan_, patches_),
+           fixedPatches()
+               ? given
+               : fmt::format("constant patches cost {} of H's mean, from {} at {} patches{}", percent(e.patches),
+                             percent(trial_.patchError.error), trial_.patches,
+                             wantsPicture(options_) && patches_ < 1.01 * kPicturePatches ? "; a picture wants 4000 or more" : "")});
     }
     plan_.choices.push_back({"method", methodText(s.spec),
-                             fixedSamples() ? given : fmt::format("sampling rows costs {}, from {} by {}", percent(e.rows), percent(trial_.rowError), methodText(trial_.setting.spec))});
+                             fixedSamples() ? given
+                                            : fmt::format("sampling rows costs {}, from {} by {}", percent(e.rows),
+                                                          percent(trial_.rowError), methodText(trial_.setting.spec))});
     if (trial_.lightError > 0) {
       plan_.choices.push_back({"shadow rays", fmt::format("{}", s.shadowRays),
-                               fixedShadow() ? given : fmt::format("direct light costs {}, from {} by {}", percent(e.light), percent(trial_.lightError), trial_.setting.shadowRays)});
+                               fixedShadow() ? given
+                                             : fmt::format("direct light costs {}, from {} by {}", percent(e.light),
+                                                           percent(trial_.lightError), trial_.setting.shadowRays)});
     }
     if (s.spec.hemicubes()) {
-      plan_.choices.push_back({"positions", fmt::format("{}", s.spec.positions),
-                               options_.gave("--positions") ? given : "beyond 128 pixels an edge more points of a patch tell more than more pixels"});
+      plan_.choices.push_back(
+          {"positions", fmt::format("{}", s.spec.positions),
+           options_.gave("--positions") ? given : "beyond 128 pixels an edge more points of a patch tell more than more pixels"});
       plan_.choices.push_back({"near field", s.spec.nearField && s.spec.positions == 1 ? "on" : "off",
                                options_.gave("--near-field") ? given
-                               : s.spec.positions == 1      ? "seen from one point, near patches are most of a row's error"
-                                                            : "several points see near patches well enough"});
+                               : s.spec.positions == 1       ? "seen from one point, near patches are most of a row's error"
+                                                             : "several points see near patches well enough"});
     }
     plan_.choices.push_back({"emitters", s.emittersApart ? "apart" : "matrix", options_.gave("--emitters") ? given : lampsWhy_});
-    plan_.choices.push_back({"solver", solverName(s.solver), options_.gave("--solver") ? given : fmt::format("{} sweeps in the trial; no other takes fewer", trial_.sweeps)});
-    plan_.choices.push_back({"residual", fmt::format("{:.2g}", s.residual), options_.gave("--residual") ? given : "far below the other parts"});
+    plan_.choices.push_back(
+        {"solver", solverName(s.solver),
+         options_.gave("--solver") ? given : fmt::format("{} sweeps in the trial; no other takes fewer", trial_.sweeps)});
+    plan_.choices.push_back(
+        {"residual", fmt::format("{:.2g}", s.residual), options_.gave("--residual") ? given : "far below the other parts"});
   }
 
   const Options& options_;
@@ -409,16 +443,19 @@ Shrink shrinkTo(double target, const ErrorParts& found, bool patchesFixed, bool 
 
 }  // namespace
 
-TolerancePlan refined(const TolerancePlan& plan, const Options& options, const FacetSet& facets, const ErrorParts& found, bool careful) {
+TolerancePlan refined(const TolerancePlan& plan, const Options& options, const FacetSet& facets, const ErrorParts& found,
+                      bool careful) {
   constexpr double kCareful = 0.65;
   TolerancePlan next = plan;
   const bool rays = plan.setting.spec.kind == Kind::rays;
   const bool rowsFixed = plan.setting.spec.kind == Kind::exact || (rays ? options.gave("--rays") : options.gave("--resolution"));
   const bool patchesFixed = !plan.adapted && options.gave("--patches");
-  const Shrink shrink = shrinkTo((careful ? kCareful : kMargin) * options.tolerance, found, patchesFixed, rowsFixed, options.gave("--shadow-rays"));
+  const Shrink shrink =
+      shrinkTo((careful ? kCareful : kMargin) * options.tolerance, found, patchesFixed, rowsFixed, options.gave("--shadow-rays"));
   if (shrink.rows < 1) scaleSamples(next.setting.spec, std::pow(shrink.rows, -1 / orderOf(plan.setting.spec)) * 1.1);
   if (shrink.light < 1)
-    next.setting.shadowRays = evenCount(worthOf(plan.setting.shadowRays) * std::pow(shrink.light, -1 / kSampleOrder) * 1.1, kLeastShadowRays, kMostRays);
+    next.setting.shadowRays =
+        evenCount(worthOf(plan.setting.shadowRays) * std::pow(shrink.light, -1 / kSampleOrder) * 1.1, kLeastShadowRays, kMostRays);
   if (plan.adapted && shrink.patches < 1) {
     next.adapt = std::stod(fmt::format("{:.2g}", plan.adapt * shrink.patches / 1.05));
     next.adapted.reset();
@@ -431,12 +468,15 @@ TolerancePlan refined(const TolerancePlan& plan, const Options& options, const F
   return next;
 }
 
-void adaptInstead(TolerancePlan& next, const TolerancePlan& plan, const Options& options, const Scene& scene, const FacetSet& facets, size_t patches) {
+void adaptInstead(TolerancePlan& next, const TolerancePlan& plan, const Options& options, const Scene& scene,
+                  const FacetSet& facets, size_t patches) {
   if (plan.adapted || plan.size.cluster > 0 || plan.size.size <= next.size.size || !mayAdapt(options)) return;
   const double ofOneSize = static_cast<double>(patches) * std::pow(plan.size.size / next.size.size, 2);
   const Options adapting = adaptingOptions(options, next.setting);
   const AdaptTrial trial = adaptTrialOf(adapting, scene, facets, next.setting.spec);
-  if (trial.level == 0 || static_cast<double>(trial.patches) * samplesOf(trial.setting.spec) > kWorthATrial * ofOneSize * samplesOf(next.setting.spec)) return;
+  if (trial.level == 0 ||
+      static_cast<double>(trial.patches) * samplesOf(trial.setting.spec) > kWorthATrial * ofOneSize * samplesOf(next.setting.spec))
+    return;
   const Adapting a = adaptTo(adapting, scene, facets, next.setting.spec);
   if (!isUsable(a, adapting, scene, facets) || static_cast<double>(a.adapted.patches) > kWorthAdapting * ofOneSize) return;
   next.size = a.size;

@@ -46,7 +46,8 @@ void applyPlan(RunState& run) {
 // Whether rows of F have to be made again for another plan.
 bool rowsDiffer(const TolerancePlan& a, const TolerancePlan& b) {
   const MethodSpec &x = a.setting.spec, &y = b.setting.spec;
-  return a.size.size != b.size.size || a.size.count != b.size.count || a.adapt != b.adapt || x.rays != y.rays || x.resolution != y.resolution || x.positions != y.positions;
+  return a.size.size != b.size.size || a.size.count != b.size.count || a.adapt != b.adapt || x.rays != y.rays ||
+         x.resolution != y.resolution || x.positions != y.positions;
 }
 
 // None where memory does not surely hold F: some rows tell what the others take, about.
@@ -92,8 +93,8 @@ ErrorParts errorParts(RunState& run) {
   none.patches = run.replicates.patches;
   const auto by = [&](const DirectLight& direct) {
     const std::vector<Rgb> kept = run.lighting.error;
-    run.lighting.error = irradianceError(*run.f, run.patches, direct, run.lighting.solution, none, samplesOf(*run.spec),
-                                         run.options.sky);
+    run.lighting.error =
+        irradianceError(*run.f, run.patches, direct, run.lighting.solution, none, samplesOf(*run.spec), run.options.sky);
     const double error = relativeError(*run.f, run.patches, run.lighting);
     run.lighting.error = kept;
     return error;
@@ -126,8 +127,8 @@ void adapt(RunState& run) {
   takeAdapted(run, a);
   run.report.clock.finish("adapting");
   if (a.tried == 0) {
-    run.say("patches: {} facets are too many to try smaller ones: all stay as large as --patch-size {}",
-            run.facets.facets.size(), run.options.patchSize);
+    run.say("patches: {} facets are too many to try smaller ones: all stay as large as --patch-size {}", run.facets.facets.size(),
+            run.options.patchSize);
     return;
   }
   if (a.adapted.error > run.options.adapt) {
@@ -138,8 +139,8 @@ void adapt(RunState& run) {
                   {},
                   a.adapted.error});
   }
-  run.say("patches: {} of {} sizes, from {} of a trial; constant patches are predicted to cost {:.2g} % of H",
-          run.patches.size(), a.adapted.tree.levels() + 1, a.tried, 100 * a.adapted.error);
+  run.say("patches: {} of {} sizes, from {} of a trial; constant patches are predicted to cost {:.2g} % of H", run.patches.size(),
+          a.adapted.tree.levels() + 1, a.tried, 100 * a.adapted.error);
 }
 
 void choosePlan(RunState& run) {
@@ -162,10 +163,11 @@ void choosePlan(RunState& run) {
   }
   if (!storage) storage = chooseStorage(run.situation, *run.spec);
   tellRowSeconds(run);
-  run.plan->choices.push_back({"storage", storage->storage == Storage::bits16 ? "16 bits, or lists of entries" : "float32, or lists", storage->why});
+  run.plan->choices.push_back(
+      {"storage", storage->storage == Storage::bits16 ? "16 bits, or lists of entries" : "float32, or lists", storage->why});
   run.report.clock.finish("choosing");
-  run.say("tolerance {:.3g} %: {:.2g} % predicted, in {:.2g} s:", 100 * run.options.tolerance,
-          100 * run.plan->predicted.total(), run.plan->seconds);
+  run.say("tolerance {:.3g} %: {:.2g} % predicted, in {:.2g} s:", 100 * run.options.tolerance, 100 * run.plan->predicted.total(),
+          run.plan->seconds);
   for (const Choice& c : run.plan->choices) run.say("  {}: {} ({})", c.what, c.value, c.why);
 }
 
@@ -206,8 +208,8 @@ void meetTolerance(RunState& run) {
       break;
     }
     adaptInstead(next, *run.plan, run.options, run.scene, run.facets, run.patches.size());
-    run.say("refined: the error is estimated as {:.2g} % (patches {:.2g}, rows {:.2g}, light {:.2g})",
-            100 * found.total(), 100 * found.patches, 100 * found.rows, 100 * found.light);
+    run.say("refined: the error is estimated as {:.2g} % (patches {:.2g}, rows {:.2g}, light {:.2g})", 100 * found.total(),
+            100 * found.patches, 100 * found.rows, 100 * found.light);
     const TolerancePlan before = *run.plan;
     newRows = rowsDiffer(next, before);
     if (!newRows) {
@@ -217,7 +219,8 @@ void meetTolerance(RunState& run) {
       limitedBy("memory");
       break;
     }
-    for (const Choice& c : takeRefined(*run.plan, before, found, run.patches.size())) run.say("  {}: {} ({})", c.what, c.value, c.why);
+    for (const Choice& c : takeRefined(*run.plan, before, found, run.patches.size()))
+      run.say("  {}: {} ({})", c.what, c.value, c.why);
     run.lighting = {};
     if (!newRows) continue;
     run.report.checks.reset();
@@ -226,12 +229,12 @@ void meetTolerance(RunState& run) {
   run.report.tolerance =
       ToleranceReport{run.options.tolerance, found.total() <= run.options.tolerance, *run.plan, found, watch.seconds()};
   if (!run.report.tolerance->met) {
-    run.log.warn({"tolerance-not-met",
-                  fmt::format("the tolerance of {:.3g} % is not met: the error of H is estimated as {:.2g} %{}",
-                              100 * run.options.tolerance, 100 * found.total(),
-                              run.plan->limitedBy.empty() ? "" : "; limited by " + run.plan->limitedBy),
-                  {},
-                  found.total()});
+    run.log.warn(
+        {"tolerance-not-met",
+         fmt::format("the tolerance of {:.3g} % is not met: the error of H is estimated as {:.2g} %{}", 100 * run.options.tolerance,
+                     100 * found.total(), run.plan->limitedBy.empty() ? "" : "; limited by " + run.plan->limitedBy),
+         {},
+         found.total()});
   }
 }
 

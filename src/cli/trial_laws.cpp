@@ -24,7 +24,8 @@ void TrialLaws::learnCosts(const Trial& trial) {
   shadowShare = rays > 0 ? static_cast<double>(rays) / (n * setting.shadowRays) : 0;
   perSample = trial.rowSeconds / (n * samplesOf(setting.spec));
   // Direct light and solve are told apart by what a sweep costs about.
-  perShadowRay = std::max(0.0, trial.lightSeconds - sweepSeconds(n, setting.spec, sweeps)) / (n * std::max(1.0, shadowShare * setting.shadowRays));
+  perShadowRay = std::max(0.0, trial.lightSeconds - sweepSeconds(n, setting.spec, sweeps)) /
+                 (n * std::max(1.0, shadowShare * setting.shadowRays));
 }
 
 ErrorParts TrialLaws::errorFor(double n, const Setting& s) const {

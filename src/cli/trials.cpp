@@ -7,7 +7,8 @@
 
 namespace farol {
 
-SizedScene::SizedScene(const Options& options, const Scene& scene, const FacetSet& facets, const PatchOptions& size, const PatchTree& tree)
+SizedScene::SizedScene(const Options& options, const Scene& scene, const FacetSet& facets, const PatchOptions& size,
+                       const PatchTree& tree)
     : options_(options),
       scene_(scene),
       facets_(facets),
@@ -36,7 +37,8 @@ Trial SizedScene::solve(const Setting& setting, size_t probes) {
   trial.cpuSeconds = static_cast<double>(std::clock() - cpu) / CLOCKS_PER_SEC;
   if (probes > 0) {
     const auto errorBy = [&](const DirectLight& direct, const Replicates& rows) {
-      trial.lighting.error = irradianceError(trial.f, patches_, direct, trial.lighting.solution, rows, samplesOf(setting.spec), options_.sky);
+      trial.lighting.error =
+          irradianceError(trial.f, patches_, direct, trial.lighting.solution, rows, samplesOf(setting.spec), options_.sky);
       return relativeError(trial.f, patches_, trial.lighting);
     };
     Replicates none;

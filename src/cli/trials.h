@@ -20,8 +20,8 @@ struct Setting {
 
 struct Trial {
   FormFactorMatrix f;
-  Lighting lighting;  // without errors
-  double rowError = 0, lightError = 0;  // of H by rows of F and by direct light, relative (relativeError)
+  Lighting lighting;                                        // without errors
+  double rowError = 0, lightError = 0;                      // of H by rows of F and by direct light, relative (relativeError)
   double rowSeconds = 0, lightSeconds = 0, cpuSeconds = 0;  // rows of F; direct light and solve; of all cores, for both
 
   double seconds() const { return rowSeconds + lightSeconds; }
@@ -30,7 +30,8 @@ struct Trial {
 class SizedScene {
  public:
   // The references must outlive this.
-  SizedScene(const Options& options, const Scene& scene, const FacetSet& facets, const PatchOptions& size, const PatchTree& tree = {});
+  SizedScene(const Options& options, const Scene& scene, const FacetSet& facets, const PatchOptions& size,
+             const PatchTree& tree = {});
 
   // With errors where `probes`, a number of rows to be made again, is not 0.
   Trial solve(const Setting& setting, size_t probes = 0);

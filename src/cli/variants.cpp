@@ -33,9 +33,7 @@ uint32_t materialNamed(const Scene& scene, const std::string& name, const std::s
   throw Error("{}: the scene has no material '{}'; it has {}", where, name, known);
 }
 
-Optics plainOptics(const Material& material, const Scene& scene) {
-  return material.evaluate(scene.textures, {});
-}
+Optics plainOptics(const Material& material, const Scene& scene) { return material.evaluate(scene.textures, {}); }
 
 Variant variantOf(const json& entry, size_t place, const std::string& path, const Scene& scene) {
   Variant variant;
@@ -65,7 +63,8 @@ Variant variantOf(const json& entry, size_t place, const std::string& path, cons
     if (wanted.diffuse) {
       const Optics o = plainOptics(scene.materials[m], scene);
       const double most = maxChannel(*wanted.diffuse + o.specular + o.transmission);
-      if (most > 1 + 1e-9) throw Error("{}: diffuse, specular and transmission add up to {:.4g}; at most 1 is possible", object, most);
+      if (most > 1 + 1e-9)
+        throw Error("{}: diffuse, specular and transmission add up to {:.4g}; at most 1 is possible", object, most);
     }
     variant.changes[m] = wanted;
   }
@@ -88,8 +87,7 @@ std::vector<Variant> loadVariants(const std::string& path, const Scene& scene) {
   std::set<std::string> names;
   for (size_t k = 0; k < entries.size(); ++k) {
     variants.push_back(variantOf(entries[k], k, path, scene));
-    if (!names.insert(variants.back().name).second)
-      throw Error("{}: two variants are called '{}'", path, variants.back().name);
+    if (!names.insert(variants.back().name).second) throw Error("{}: two variants are called '{}'", path, variants.back().name);
   }
   return variants;
 }
@@ -163,8 +161,8 @@ void add(Lighting& sum, const Lighting& unit, const Rgb& factor) {
   sum.direct.apart = sum.plan.apart;
   sum.direct.rays += unit.direct.rays;
   addScaled(sum.fromPunctual, unit.fromPunctual);
-  Solution &to = sum.solution;
-  const Solution &from = unit.solution;
+  Solution& to = sum.solution;
+  const Solution& from = unit.solution;
   addScaled(to.radiosity, from.radiosity);
   addScaled(to.irradiance, from.irradiance);
   const double most = maxChannel(factor);
@@ -182,7 +180,8 @@ std::string variantPath(const std::string& path, const Variant& variant) {
   if (path.empty()) return path;
   const size_t dot = path.rfind('.');
   const bool ending = dot != std::string::npos && path.find('/', dot) == std::string::npos;
-  return ending ? fmt::format("{}.{}{}", path.substr(0, dot), variant.name, path.substr(dot)) : fmt::format("{}.{}", path, variant.name);
+  return ending ? fmt::format("{}.{}{}", path.substr(0, dot), variant.name, path.substr(dot))
+                : fmt::format("{}.{}", path, variant.name);
 }
 
 }  // namespace farol

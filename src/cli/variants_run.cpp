@@ -43,8 +43,8 @@ void solveVariants(RunState& run) {
       }
       if (run.lighting.solution.irradiance.empty()) add(run.lighting, made.back(), Rgb(0));
     } else {
-      run.lighting = run.lightings.make(run.scene, run.patches, run.options.sky, *run.f, *run.spec, run.replicates,
-                                        run.solveDevice);
+      run.lighting =
+          run.lightings.make(run.scene, run.patches, run.options.sky, *run.f, *run.spec, run.replicates, run.solveDevice);
       leaveFailedDevice(run, run.lighting.solution);
     }
     reportSolution(run);

@@ -5,8 +5,8 @@
 
 namespace farol {
 
-Comparison compareFactors(const FormFactorMatrix& a, const ErrorModel& errorA, const FormFactorMatrix& b,
-                          const ErrorModel& errorB, const PatchSet& patches) {
+Comparison compareFactors(const FormFactorMatrix& a, const ErrorModel& errorA, const FormFactorMatrix& b, const ErrorModel& errorB,
+                          const PatchSet& patches) {
   const size_t n = patches.size();
   Comparison c;
   c.rows.resize(n);

@@ -6,11 +6,11 @@
 namespace farol {
 
 struct RowDifference {
-  double l1 = 0;                   // sum_j |A_ij - B_ij|
-  double largest = 0;              // max_j |A_ij - B_ij|
+  double l1 = 0;                        // sum_j |A_ij - B_ij|
+  double largest = 0;                   // max_j |A_ij - B_ij|
   uint32_t more = kNone, less = kNone;  // the patches that A sees most more and most less of than B
   double moreBy = 0, lessBy = 0;
-  double estimate = 0;             // of l1, from both error models; 0: unknown
+  double estimate = 0;  // of l1, from both error models; 0: unknown
 };
 
 struct Comparison {
@@ -23,7 +23,7 @@ struct Comparison {
 };
 
 // Row errors of two independent estimates add as squares.
-Comparison compareFactors(const FormFactorMatrix& a, const ErrorModel& errorA, const FormFactorMatrix& b,
-                          const ErrorModel& errorB, const PatchSet& patches);
+Comparison compareFactors(const FormFactorMatrix& a, const ErrorModel& errorA, const FormFactorMatrix& b, const ErrorModel& errorB,
+                          const PatchSet& patches);
 
 }  // namespace farol

@@ -13,8 +13,8 @@ inline constexpr double kSampleOrder = 0.6;
 // are not independent but spread evenly, and a single centre point is biased: probe rows tell by what factor the truth
 // is smaller or larger.
 struct ErrorModel {
-  double samples = 0;  // K: rays or pixels per row
-  double entry = 0;    // factor on sqrt(F (1 - F) / K), rms over the probes' entries
+  double samples = 0;      // K: rays or pixels per row
+  double entry = 0;        // factor on sqrt(F (1 - F) / K), rms over the probes' entries
   std::vector<float> row;  // [patches] L1 error of a row, sum_j |dF_ij|, exceeded by about 1 row in 20
   size_t probes = 0;
 
@@ -31,9 +31,7 @@ struct ProbeRows {
   std::vector<FormFactorMatrix> again;
 
   size_t times() const { return reference.empty() ? 0 : 1 + again.size(); }
-  const FormFactorMatrix& made(const FormFactorMatrix& f, size_t which) const {
-    return which == 0 ? f : again[which - 1];
-  }
+  const FormFactorMatrix& made(const FormFactorMatrix& f, size_t which) const { return which == 0 ? f : again[which - 1]; }
   // Error of a probe's row, [patches]: of F's own (0) or of one made again.
   std::vector<double> error(const FormFactorMatrix& f, size_t which, uint32_t patch) const;
 };

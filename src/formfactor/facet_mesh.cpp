@@ -36,8 +36,7 @@ FacetMesh buildFacetMesh(const FacetSet& facets, std::span<const uint32_t> order
     for (uint32_t k = 0; k < facet.cornerCount(); ++k) {
       const Vec3& p = facets.points[facet.corners[k]];
       const uint32_t corner = !facet.parallelogram && k == 2 ? 3 : k;  // a triangle's third corner is at (0,1)
-      mesh.vertices.push_back(
-          {static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z), 4 * f + corner});
+      mesh.vertices.push_back({static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z), 4 * f + corner});
     }
     mesh.indices.insert(mesh.indices.end(), {first, first + 1, first + 2});
     if (facet.parallelogram) mesh.indices.insert(mesh.indices.end(), {first, first + 2, first + 3});
@@ -50,8 +49,7 @@ FacetClusters buildClusters(const FacetSet& facets) {
   std::vector<std::pair<uint32_t, uint32_t>> keys;  // (Morton code of the centroid, facet)
   for (uint32_t f = 0; f < n; ++f) {
     const Facet& facet = facets.facets[f];
-    const Vec3 p =
-        facets.point(facet, facet.parallelogram ? 0.5 : 1.0 / 3, facet.parallelogram ? 0.5 : 1.0 / 3) + Vec3(0.5);
+    const Vec3 p = facets.point(facet, facet.parallelogram ? 0.5 : 1.0 / 3, facet.parallelogram ? 0.5 : 1.0 / 3) + Vec3(0.5);
     uint32_t code = 0;
     for (int c = 0; c < 3; ++c) code |= spreadBits(static_cast<uint32_t>(std::clamp(p[c] * 1023, 0.0, 1023.0))) << c;
     keys.emplace_back(code, f);
@@ -77,8 +75,6 @@ FacetClusters buildClusters(const FacetSet& facets) {
   return clusters;
 }
 
-size_t clusterCountOf(const FacetSet& facets) {
-  return clusterSizes(facets).count;
-}
+size_t clusterCountOf(const FacetSet& facets) { return clusterSizes(facets).count; }
 
 }  // namespace farol

@@ -81,7 +81,8 @@ void FormFactorMatrix::book(uint64_t rowBytes) {
 }
 
 FormFactorMatrix::List FormFactorMatrix::listOf(std::vector<uint32_t> ids, std::vector<float> values) {
-  const auto owner = std::make_shared<const std::pair<std::vector<uint32_t>, std::vector<float>>>(std::move(ids), std::move(values));
+  const auto owner =
+      std::make_shared<const std::pair<std::vector<uint32_t>, std::vector<float>>>(std::move(ids), std::move(values));
   return {owner->first, owner->second, owner};
 }
 
@@ -156,9 +157,7 @@ double FormFactorMatrix::packingError() const {
 }
 
 // A list takes twice the bytes of dense entries, four times those of 16 bits, and a random access for each.
-bool FormFactorMatrix::worthAList(size_t entries) const {
-  return (storage_ == Storage::bits16 ? 3 : 2) * entries <= rows_.size();
-}
+bool FormFactorMatrix::worthAList(size_t entries) const { return (storage_ == Storage::bits16 ? 3 : 2) * entries <= rows_.size(); }
 
 void FormFactorMatrix::entries(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values) {
   if (worthAList(ids.size())) {
@@ -169,7 +168,8 @@ void FormFactorMatrix::entries(uint32_t patch, std::span<const uint32_t> ids, st
   RowStore::entries(patch, ids, values);
 }
 
-void FormFactorMatrix::borrow(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values, std::shared_ptr<const void> owner) {
+void FormFactorMatrix::borrow(uint32_t patch, std::span<const uint32_t> ids, std::span<const float> values,
+                              std::shared_ptr<const void> owner) {
   book(ids.size_bytes() + values.size_bytes());
   rows_[patch].list = {ids, values, std::move(owner)};
 }
@@ -183,9 +183,7 @@ void FormFactorMatrix::replace(uint32_t patch, std::span<const uint32_t> ids, st
   sums_[patch] = sumOf(row);
 }
 
-double FormFactorMatrix::rowSum(size_t patch) const {
-  return std::isnan(sums_[patch]) ? sumOf(rows_[patch]) : sums_[patch];
-}
+double FormFactorMatrix::rowSum(size_t patch) const { return std::isnan(sums_[patch]) ? sumOf(rows_[patch]) : sums_[patch]; }
 
 double FormFactorMatrix::sumOf(const Row& r) const {
   const std::span<const uint32_t> ids = r.list.ids;
@@ -196,7 +194,8 @@ double FormFactorMatrix::sumOf(const Row& r) const {
   }
   if (!r.dense.empty()) return farol::sumOf(r.dense);
   const auto nothing = static_cast<uint32_t>(rows_.size());
-  return static_cast<double>(r.weight) * static_cast<double>(std::count_if(ids.begin(), ids.end(), [nothing](uint32_t j) { return j != nothing; }));
+  return static_cast<double>(r.weight) *
+         static_cast<double>(std::count_if(ids.begin(), ids.end(), [nothing](uint32_t j) { return j != nothing; }));
 }
 
 void FormFactorMatrix::keep(const std::vector<uint32_t>& patches) {

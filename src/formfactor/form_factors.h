@@ -74,8 +74,8 @@ struct FormFactorRow {
 
 enum class Storage { float32, bits16 };  // of dense rows
 
-// F [rows x columns], a row dense or, where less than half of it is filled (with 16 bits: a third), as a list; rows are allocated when first
-// asked for, and packed when finished. Throws Error when they would need more than `maxBytes`.
+// F [rows x columns], a row dense or, where less than half of it is filled (with 16 bits: a third), as a list; rows are allocated
+// when first asked for, and packed when finished. Throws Error when they would need more than `maxBytes`.
 class FormFactorMatrix : public RowStore {
  public:
   explicit FormFactorMatrix(size_t patches, uint64_t maxBytes = UINT64_MAX, Storage storage = Storage::float32)
@@ -106,11 +106,11 @@ class FormFactorMatrix : public RowStore {
     return {r.dense, r.steps, r.list.ids, r.list.values, r.weight, rows_.size()};
   }
   const RowShares& shares(size_t patch) const { return shares_[patch]; }
-  double rowSum(size_t patch) const;  // in double; 0 for a row that was not made
-  uint64_t bytes() const;  // of all channels
-  size_t denseRows() const { return count(&Row::dense); }     // in float32
-  size_t packedRows() const { return count(&Row::steps); }    // in 16 bits
-  double packingError() const;  // L1 error that 16 bits added to a row, at most
+  double rowSum(size_t patch) const;                        // in double; 0 for a row that was not made
+  uint64_t bytes() const;                                   // of all channels
+  size_t denseRows() const { return count(&Row::dense); }   // in float32
+  size_t packedRows() const { return count(&Row::steps); }  // in 16 bits
+  double packingError() const;                              // L1 error that 16 bits added to a row, at most
 
   // Keeps the rows and columns of these patches, in this order.
   void keep(const std::vector<uint32_t>& patches);
@@ -142,7 +142,7 @@ class FormFactorMatrix : public RowStore {
   Storage storage_;
   std::vector<Row> rows_;
   std::vector<RowShares> shares_;
-  std::vector<double> sums_;  // of finished rows; NaN: not known
+  std::vector<double> sums_;              // of finished rows; NaN: not known
   std::vector<FormFactorMatrix> others_;  // of green and blue, or none
 };
 
@@ -151,28 +151,27 @@ class RowMaker {
  public:
   virtual ~RowMaker() = default;
   // Fills one row per patch listed. `done` is called now and then with the number of rows finished.
-  virtual void makeRows(std::span<const uint32_t> patches, RowStore& store,
-                        const std::function<void(size_t)>& done) = 0;
+  virtual void makeRows(std::span<const uint32_t> patches, RowStore& store, const std::function<void(size_t)>& done) = 0;
 };
 
 // Makes the rows of all patches that light can reach: the front sides, emitting back sides, and every other
-// back side that one of these sees (with `sky` light, all). Inner sides of perfectly clear glass stay without a row. Patches that are left out are removed from
-// `patches`, and `f`, made for all of them, gets the size of what is left. Returns the patches kept, ascending, where
-// some were left out; empty otherwise.
+// back side that one of these sees (with `sky` light, all). Inner sides of perfectly clear glass stay without a row. Patches that
+// are left out are removed from `patches`, and `f`, made for all of them, gets the size of what is left. Returns the patches kept,
+// ascending, where some were left out; empty otherwise.
 std::vector<uint32_t> makeFormFactors(RowMaker& maker, PatchSet& patches, bool sky, const Log& log, FormFactorMatrix& f);
 
 // Figures that tell how good F is. Areas are exposed areas. What takes pairs looks at all pairs of 512
 // patches, an even choice.
 struct FormFactorChecks {
-  double rowSumMin = 0, rowSumMean = 0, rowSumMax = 0;  // area-weighted mean
+  double rowSumMin = 0, rowSumMean = 0, rowSumMax = 0;                // area-weighted mean
   double missed = 0, backs = 0, cut = 0, absorbed = 0, specular = 0;  // area-weighted mean shares (RowShares)
-  double covered = 0;                                   // area under objects, as a share of the whole
-  size_t pairPatches = 0;                               // patches whose pairs were looked at
+  double covered = 0;                                                 // area under objects, as a share of the whole
+  size_t pairPatches = 0;                                             // patches whose pairs were looked at
   double reciprocityRms = 0;  // rms over pairs of A_i F_ij - A_j F_ji, relative to the rms of A_i F_ij
   // What no F may break where nothing is specular: F_ij in [0,1], A_i F_ij <= min(A_i, A_j).
-  double smallest = 0, largest = 0;           // entries
-  double worstArea = 0;                       // largest A_i F_ij / min(A_i, A_j)
-  uint32_t worstFrom = 0, worstTo = 0;        // and its patches
+  double smallest = 0, largest = 0;             // entries
+  double worstArea = 0;                         // largest A_i F_ij / min(A_i, A_j)
+  uint32_t worstFrom = 0, worstTo = 0;          // and its patches
   double correctionMin = 1, correctionMax = 1;  // near-field factors
 };
 FormFactorChecks checkFormFactors(const FormFactorMatrix& f, const PatchSet& patches);

@@ -34,14 +34,16 @@ double HemicubeRows::exposedShare(uint32_t patch, double positions) const {
 }
 
 // Adds what paths find from the batch's k-th hemicube; `factors` as for PixelPaths.
-void HemicubeRows::addPaths(const SeenBatch& batch, size_t k, double weight, std::span<const double> factors, ContinuedEntries& to) const {
+void HemicubeRows::addPaths(const SeenBatch& batch, size_t k, double weight, std::span<const double> factors,
+                            ContinuedEntries& to) const {
   const Hemicube& h = batch.hemicubes[k];
   paths_->follow(batch.items.data() + k * pixels_, poseOf(h, patches_.patches[h.patch].normal), weight, factors,
                  options_.tree->mediumBehind(h.patch), to);
 }
 
 // Adds what the images of the batch's k-th hemicube show. A mirror's pixels of which there is no image are cut.
-void HemicubeRows::addImages(const SeenBatch& batch, size_t k, double weight, std::span<const double> factors, ContinuedEntries& to) const {
+void HemicubeRows::addImages(const SeenBatch& batch, size_t k, double weight, std::span<const double> factors,
+                             ContinuedEntries& to) const {
   const std::vector<uint32_t>& mirrorOf = options_.images->mirrorOfPatch();
   const auto hemicubes = batch.hemicubes;
   size_t end = k + 1;
@@ -169,7 +171,8 @@ void HemicubeRows::store(const SeenBatch& batch, RowStore& store) {
   const auto open = [&](size_t r) { return !hemicubes[runs[r].last].last || (r == 0 && carrying_); };
   tbb::parallel_for(size_t{0}, runs.size(), [&](size_t r) {
     if (open(r)) return;
-    if (options_.positions == 1) return continues() ? storeSingleHybrid(batch, runs[r].first, store) : storeSingle(batch, runs[r].first, store);
+    if (options_.positions == 1)
+      return continues() ? storeSingleHybrid(batch, runs[r].first, store) : storeSingle(batch, runs[r].first, store);
     RowAccumulator& row = scratch_.local();
     clear(row);
     addRun(runs[r], row);

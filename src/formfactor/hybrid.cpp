@@ -9,8 +9,8 @@ void ContinuedEntries::clear(size_t patches, int channels) {
   specular = 0;
 }
 
-PixelPaths::PixelPaths(const RayTree& tree, const FacetSet& facets, const PatchSet& patches,
-                       const ProjectionLayout& layout, const std::vector<uint32_t>& deltaFactors)
+PixelPaths::PixelPaths(const RayTree& tree, const FacetSet& facets, const PatchSet& patches, const ProjectionLayout& layout,
+                       const std::vector<uint32_t>& deltaFactors)
     : tree_(tree), facets_(facets), patches_(patches), layout_(layout) {
   constexpr double kFullHemisphere = 4294967295.0;
   for (const uint32_t f : deltaFactors) deltaFactors_.push_back(f / kFullHemisphere);

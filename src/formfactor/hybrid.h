@@ -42,8 +42,8 @@ class PixelPaths {
   // Follows the pixels of an item buffer that show something specular. A pixel carries its delta form factor times
   // `weight` times, where `factors` is not empty [patches], the factor of the patch that it shows. `medium`: what the
   // hemicube stands in.
-  void follow(const uint32_t* items, const HemicubePose& pose, double weight, std::span<const double> factors,
-              uint32_t medium, ContinuedEntries& entries) const;
+  void follow(const uint32_t* items, const HemicubePose& pose, double weight, std::span<const double> factors, uint32_t medium,
+              ContinuedEntries& entries) const;
 
  private:
   const RayTree& tree_;

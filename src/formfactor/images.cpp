@@ -57,7 +57,8 @@ ImageTrees::ImageTrees(const Scene& scene, const FacetSet& facets, const PatchSe
                 scene.surfaces[surface].name, what);
   };
   if (mirrors_.tooMany())
-    throw Error("{}: mirrors lie in more than {} planes, which --method raster cannot mirror; use rays or hybrid", scene.path, PlanarMirrors::kMostPlanes);
+    throw Error("{}: mirrors lie in more than {} planes, which --method raster cannot mirror; use rays or hybrid", scene.path,
+                PlanarMirrors::kMostPlanes);
   if (mirrors_.clearSurface() != kNone) refuse(mirrors_.clearSurface(), "is clear glass");
   if (mirrors_.curvedSurface() != kNone) refuse(mirrors_.curvedSurface(), "is a curved mirror");
 }

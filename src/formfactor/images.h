@@ -9,13 +9,13 @@ namespace farol {
 
 // One image of a hemicube. Parents come before their images; -1: the hemicube itself.
 struct MirrorImage {
-  HemicubePose pose;             // reflected: left-handed after an odd number of mirrors
-  Vec3 clipNormal{0};            // only what lies in front of the mirror's plane is seen in it
-  double clipDistance = 0;       // [unit coordinates]
+  HemicubePose pose;        // reflected: left-handed after an odd number of mirrors
+  Vec3 clipNormal{0};       // only what lies in front of the mirror's plane is seen in it
+  double clipDistance = 0;  // [unit coordinates]
   int parent = -1;
   uint32_t mirror = 0, root = 0;  // the mirror in which the parent shows it, and the first of all
-  Rgb weight{1};                 // product of reflectances
-  bool flipped = false;          // left-handed
+  Rgb weight{1};                  // product of reflectances
+  bool flipped = false;           // left-handed
 };
 
 class ImageTrees {

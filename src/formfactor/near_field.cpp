@@ -75,7 +75,14 @@ double UnoccludedFactor::fromCentre(uint32_t i, uint32_t j) const {
 
 NearField::NearField(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, const ExposedArea& exposed,
                      uint64_t seed, double worthIt)
-    : tracer_(tracer), facets_(facets), patches_(patches), exposed_(exposed), seed_(seed), worthIt_(worthIt), factor_(facets, patches), nearest_(factor_.centres(), factor_.sizes()) {}
+    : tracer_(tracer),
+      facets_(facets),
+      patches_(patches),
+      exposed_(exposed),
+      seed_(seed),
+      worthIt_(worthIt),
+      factor_(facets, patches),
+      nearest_(factor_.centres(), factor_.sizes()) {}
 
 std::vector<Position> NearField::exposedPoints(uint32_t i) const {
   return exposedPositions(tracer_, facets_, positionsOn(facets_, patches_, i, 64, seed_ + i), patches_.patches[i].normal);
@@ -89,7 +96,8 @@ double NearField::visibleShare(std::span<const Position> from, uint32_t i, uint3
   uint32_t lanes = 0;
   for (uint32_t k = 0; k < kPacketSize; ++k) {
     // A Latin pairing: every point of one patch meets one of the other, near and far ones in turn.
-    const Vec3 p = from[k * from.size() / kPacketSize].point + kRayOffset * ni, q = to[(k * 7 + 3) % to.size()].point + kRayOffset * nj, d = q - p;
+    const Vec3 p = from[k * from.size() / kPacketSize].point + kRayOffset * ni,
+               q = to[(k * 7 + 3) % to.size()].point + kRayOffset * nj, d = q - p;
     const double squared = glm::dot(d, d), ci = glm::dot(ni, d), cj = -glm::dot(nj, d);
     if (ci <= 0 || cj <= 0) continue;
     kernel[lanes] = ci * cj / (squared * squared);
@@ -110,10 +118,13 @@ std::vector<NearField::Entry> NearField::nearEntries(uint32_t patch) const {
   constexpr double kSmallest = 1e-5, kLarge = 0.05;  // factors; a row has few large ones, which need more points
   static thread_local std::vector<NearPatches::Near> near;
   near.clear();
-  nearest_.find(patch, kMost, worthIt_, [&](uint32_t j) {
-    const double f = factor_.fromCentre(patch, j);
-    return f < kSmallest ? 0 : f;
-  }, near);
+  nearest_.find(
+      patch, kMost, worthIt_,
+      [&](uint32_t j) {
+        const double f = factor_.fromCentre(patch, j);
+        return f < kSmallest ? 0 : f;
+      },
+      near);
   if (near.empty()) return {};
   const bool partly = exposed_.share[patch] < 1;
   const std::vector<Position> points =
@@ -124,7 +135,11 @@ std::vector<NearField::Entry> NearField::nearEntries(uint32_t patch) const {
   for (const NearPatches::Near& n : near) {
     const double d = glm::distance(factor_.centres()[n.patch], factor_.centres()[patch]);
     const double unoccluded = partly ? factor_.from(points, patch, n.patch)
-                                     : factor_(patch, n.patch, n.factor > kLarge ? 8 : d > 3 * h ? 2 : d > 1.5 * h ? 3 : 4);
+                                     : factor_(patch, n.patch,
+                                               n.factor > kLarge ? 8
+                                               : d > 3 * h       ? 2
+                                               : d > 1.5 * h     ? 3
+                                                                 : 4);
     entries.push_back({n.patch, unoccluded * visibleShare(points, patch, n.patch), n.patch});
   }
   return entries;
@@ -234,8 +249,7 @@ std::string whatMayBlock(const Scene& scene, const FacetSet& set) {
             std::vector<Vec3> axes = {fa.normal, fb.normal, set.facets[c].normal, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
             for (size_t k = 0; k < both.size(); ++k) {
               for (size_t l = 0; l < blocker.size(); ++l) {
-                const Vec3 axis = glm::cross(both[(k + 1) % both.size()] - both[k],
-                                             blocker[(l + 1) % blocker.size()] - blocker[l]);
+                const Vec3 axis = glm::cross(both[(k + 1) % both.size()] - both[k], blocker[(l + 1) % blocker.size()] - blocker[l]);
                 if (glm::length(axis) > 1e-9) axes.push_back(glm::normalize(axis));
               }
             }
@@ -249,8 +263,7 @@ std::string whatMayBlock(const Scene& scene, const FacetSet& set) {
   return "";
 }
 
-void ExactRowMaker::makeRows(std::span<const uint32_t> wanted, RowStore& store,
-                             const std::function<void(size_t)>& done) {
+void ExactRowMaker::makeRows(std::span<const uint32_t> wanted, RowStore& store, const std::function<void(size_t)>& done) {
   constexpr size_t kRound = 64;
   for (size_t first = 0; first < wanted.size(); first += kRound) {
     const size_t last = std::min(first + kRound, wanted.size());

@@ -29,7 +29,7 @@ class UnoccludedFactor {
   const FacetSet& facets_;
   const PatchSet& patches_;
   std::vector<Vec3> centres_;
-  std::vector<double> sizes_, radii_;  // radii: around the centre
+  std::vector<double> sizes_, radii_;                     // radii: around the centre
   std::vector<std::vector<std::vector<Vec3>>> polygons_;  // per patch, one per cell
 };
 
@@ -42,8 +42,8 @@ class UnoccludedFactor {
 class NearField {
  public:
   // Of a partly covered patch only the exposed part counts. Entries with a predicted error of at least `worthIt` are corrected.
-  NearField(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, const ExposedArea& exposed,
-            uint64_t seed, double worthIt = 1e-6);
+  NearField(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, const ExposedArea& exposed, uint64_t seed,
+            double worthIt = 1e-6);
 
   // A row of all patches, or the entries of the patches `ids`, ascending, which may become more. Also scales the shares, and
   // sets their `correction`.

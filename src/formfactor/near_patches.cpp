@@ -7,9 +7,7 @@ namespace farol {
 namespace {
 
 // The factor to a small patch of an area that faces one straight.
-double straight(double area, double squaredDistance) {
-  return area < kPi * squaredDistance ? area / (kPi * squaredDistance) : 1;
-}
+double straight(double area, double squaredDistance) { return area < kPi * squaredDistance ? area / (kPi * squaredDistance) : 1; }
 
 }  // namespace
 

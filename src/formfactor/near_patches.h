@@ -32,7 +32,8 @@ class NearPatches {
   // The `most` patches with the largest predicted errors above `least`, largest first; `factorTo(j)` tells the factor to a
   // patch that comes into question, and is taken to be at most area / (pi d^2), what it is facing one straight. Appends to
   // `found`, which is to be empty.
-  void find(uint32_t patch, size_t most, double least, const std::function<double(uint32_t)>& factorTo, std::vector<Near>& found) const;
+  void find(uint32_t patch, size_t most, double least, const std::function<double(uint32_t)>& factorTo,
+            std::vector<Near>& found) const;
 
  private:
   struct Node {

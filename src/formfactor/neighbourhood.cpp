@@ -35,8 +35,8 @@ Neighbourhood::Neighbourhood(const PatchSet& patches) : order_(patches.size()), 
   codes.reserve(patches.size());
   for (const Patch& p : patches.patches) {
     const Vec3 x = (p.centre - low) / size * 65535.0;
-    codes.push_back(facing(p.normal) << 48 | spreadBits(static_cast<uint64_t>(x.x)) |
-                    spreadBits(static_cast<uint64_t>(x.y)) << 1 | spreadBits(static_cast<uint64_t>(x.z)) << 2);
+    codes.push_back(facing(p.normal) << 48 | spreadBits(static_cast<uint64_t>(x.x)) | spreadBits(static_cast<uint64_t>(x.y)) << 1 |
+                    spreadBits(static_cast<uint64_t>(x.z)) << 2);
   }
   std::iota(order_.begin(), order_.end(), 0u);
   tbb::parallel_sort(order_.begin(), order_.end(),
@@ -67,8 +67,7 @@ std::vector<uint32_t> Neighbourhood::groups(size_t count) const {
 std::vector<uint32_t> Neighbourhood::sortedProbes(std::span<const uint32_t> probes) const {
   std::vector<uint32_t> sorted(probes.size());
   std::iota(sorted.begin(), sorted.end(), 0u);
-  std::sort(sorted.begin(), sorted.end(),
-            [&](uint32_t a, uint32_t b) { return placeOf_[probes[a]] < placeOf_[probes[b]]; });
+  std::sort(sorted.begin(), sorted.end(), [&](uint32_t a, uint32_t b) { return placeOf_[probes[a]] < placeOf_[probes[b]]; });
   return sorted;
 }
 

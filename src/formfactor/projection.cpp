@@ -56,8 +56,7 @@ void addTetrahedronFace(std::vector<double>& atlas, uint32_t atlasWidth, const P
         if (up) cell(i, j + 1) += right ? 0.5 * half : half;
       } else {
         const Vec3 a = point(i, j);
-        cell(i, j) += lambertEdge(normal, a, b) + lambertEdge(normal, b, c) + lambertEdge(normal, c, d) +
-                      lambertEdge(normal, d, a);
+        cell(i, j) += lambertEdge(normal, a, b) + lambertEdge(normal, b, c) + lambertEdge(normal, c, d) + lambertEdge(normal, d, a);
       }
     }
   }

@@ -29,8 +29,8 @@ using shader::toVec4;
 // Near distance, and the distance from a facet's plane at which the eye counts as lying in it, in unit coordinates.
 // Depth is a float in reversed z, so a tiny near distance costs no precision.
 constexpr double kNear = 1e-6;
-constexpr double kEdgeOn = 4e-7;                  // a few float32 roundings of points at most 0.5 from the centre
-constexpr uint32_t kFirstBatch = 16;              // hemicubes: nobody knows yet how long they take
+constexpr double kEdgeOn = 4e-7;      // a few float32 roundings of points at most 0.5 from the centre
+constexpr uint32_t kFirstBatch = 16;  // hemicubes: nobody knows yet how long they take
 
 shader::HemicubeFrame frameOf(const HemicubePose& p) {
   return {toVec4(p.origin), toVec4(p.x), toVec4(p.y), toVec4(p.z), toVec4(Vec3(0), 1)};
@@ -49,7 +49,7 @@ struct RasterRowMaker::Impl {
   // One of two batches under way: while the device works on one, the host stores the rows of the other.
   struct Slot {
     gpu::Buffer frames, counts, seen;  // counts: sums or lists; seen: items, for hybrid
-    gpu::Buffer parents;             // of images: parent layer and mirror
+    gpu::Buffer parents;               // of images: parent layer and mirror
     gpu::Bindings cullBindings, drawBindings, maskBindings, compactBindings;
     gpu::Commands commands;
     std::vector<Hemicube> hemicubes;
@@ -85,21 +85,18 @@ struct RasterRowMaker::Impl {
         sums(d, "row sums", uint64_t{4} * bins * layers, gpu::Memory::device),
         masked(d, "masked items", o.images != nullptr ? uint64_t{4} * pixels * layers : 0, gpu::Memory::device),
         mirrorOfItem(gpu::upload(d, "mirrors of items", itemMirrors(p, o.images))),
-        draw(d, "hemicube", vertexShader(), hemicube_frag,
-             {gpu::Format::uint32}, shader::kItemBindingCount, sizeof(shader::ItemPush)),
+        draw(d, "hemicube", vertexShader(), hemicube_frag, {gpu::Format::uint32}, shader::kItemBindingCount,
+             sizeof(shader::ItemPush)),
         cull(d, "hemicube culling", hemicube_cull_comp, shader::kCullBindingCount, sizeof(shader::CullPush)),
-        reduce(d, "hemicube reduction",
-               isIdentity(p) ? gpu::Spirv(hemicube_reduce_comp) : gpu::Spirv(hemicube_reduce_comp_MAPPED),
+        reduce(d, "hemicube reduction", isIdentity(p) ? gpu::Spirv(hemicube_reduce_comp) : gpu::Spirv(hemicube_reduce_comp_MAPPED),
                shader::kReduceBindingCount, sizeof(shader::ReducePush)),
         compact(d, "hemicube compaction", hemicube_compact_comp, shader::kCompactBindingCount, sizeof(shader::CompactPush)),
         reduceBindings(d, "hemicube reduction", {o.images != nullptr ? &masked : &items, &deltaFactors, &binOfItem, &sums}),
         hemicubeRows(f, p, options, layout, bins, mostListed) {
     for (const char* name : {"batch A", "batch B"}) {
-      gpu::Buffer frames(d, fmt::format("{} frames", name), sizeof(shader::HemicubeFrame) * layers,
-                         gpu::Memory::upload);
+      gpu::Buffer frames(d, fmt::format("{} frames", name), sizeof(shader::HemicubeFrame) * layers, gpu::Memory::upload);
       gpu::Buffer counts(d, fmt::format("{} rows", name), downloadBytes() * layers, gpu::Memory::download);
-      gpu::Bindings cullBindings(d, fmt::format("{} culling", name),
-                                 {&frames, &clusterRecords, &faceRecords, &visible, &draws});
+      gpu::Bindings cullBindings(d, fmt::format("{} culling", name), {&frames, &clusterRecords, &faceRecords, &visible, &draws});
       gpu::Bindings drawBindings(d, name, {&records, &frames, &visible});
       gpu::Buffer seen(d, fmt::format("{} items", name), o.tree != nullptr ? uint64_t{4} * pixels * layers : 0,
                        gpu::Memory::download);
@@ -133,7 +130,8 @@ struct RasterRowMaker::Impl {
 
   // Colour, depth and items per pixel; sums per bin and two downloads; lists of visible clusters.
   uint64_t bytesPerLayer() const {
-    const uint64_t seen = (options.tree != nullptr ? uint64_t{8} * pixels : 0) + (options.images != nullptr ? uint64_t{4} * pixels : 0);
+    const uint64_t seen =
+        (options.tree != nullptr ? uint64_t{8} * pixels : 0) + (options.images != nullptr ? uint64_t{4} * pixels : 0);
     return seen + uint64_t{12} * pixels + uint64_t{4} * bins + 2 * downloadBytes() + uint64_t{4} * drawCount();
   }
 
@@ -151,12 +149,13 @@ struct RasterRowMaker::Impl {
     const gpu::Limits& limits = device.limits();
     uint64_t count = options.deviceMemory / bytesPerLayer();
     count = std::min<uint64_t>(count, limits.maxImageLayers);
-    const uint64_t widest = std::max<uint64_t>({pixels, bins, drawCount(), downloadBytes() / 4});  // words per layer of the largest buffer
+    const uint64_t widest =
+        std::max<uint64_t>({pixels, bins, drawCount(), downloadBytes() / 4});  // words per layer of the largest buffer
     count = std::min(count, limits.maxStorageBufferRange / (4 * widest));
     count = std::min<uint64_t>(count, std::max(options.maxBatch, mostPerHemicube()));
     if (count == 0) {
-      throw Error("a hemicube of resolution {} with {} patches needs {} bytes on the device; {} are allowed",
-                  options.resolution, patches.size(), bytesPerLayer(), options.deviceMemory);
+      throw Error("a hemicube of resolution {} with {} patches needs {} bytes on the device; {} are allowed", options.resolution,
+                  patches.size(), bytesPerLayer(), options.deviceMemory);
     }
     return static_cast<uint32_t>(count);
   }
@@ -317,8 +316,8 @@ struct RasterRowMaker::Impl {
   RasterOptions options;
   ProjectionLayout layout;
   uint32_t pixels, bins, mostListed, layers;  // mostListed: bins of a list; 0: sums of all bins come back
-  gpu::BatchSize size;  // hemicubes per submission
-  Stopwatch sinceLastBatch;  // was done
+  gpu::BatchSize size;                        // hemicubes per submission
+  Stopwatch sinceLastBatch;                   // was done
   bool layered;
   FacetClusters clusters;
   uint32_t clusterCount;
@@ -356,15 +355,15 @@ void RasterRowMaker::shrink(const gpu::OutOfMemory& why) {
   impl_.reset();
   const uint32_t least = options_.images != nullptr ? options_.images->most() + 1 : 1;
   if (options_.maxBatch <= least) {
-    throw Error("{}: the device has no room for one hemicube of resolution {} with {} patches; ask for a lower --resolution, "
-                "or --method rays",
-                why.what(), options_.resolution, patches_.size());
+    throw Error(
+        "{}: the device has no room for one hemicube of resolution {} with {} patches; ask for a lower --resolution, "
+        "or --method rays",
+        why.what(), options_.resolution, patches_.size());
   }
   options_.maxBatch = std::max(options_.maxBatch / 2, least);
 }
 
-void RasterRowMaker::makeRows(std::span<const uint32_t> patches, RowStore& store,
-                              const std::function<void(size_t)>& done) {
+void RasterRowMaker::makeRows(std::span<const uint32_t> patches, RowStore& store, const std::function<void(size_t)>& done) {
   for (size_t first = 0;;) {
     const size_t base = first;
     try {
@@ -379,11 +378,7 @@ void RasterRowMaker::makeRows(std::span<const uint32_t> patches, RowStore& store
   }
 }
 
-uint32_t RasterRowMaker::batchSize() const {
-  return impl_->layers;
-}
-uint64_t RasterRowMaker::deviceBytes() const {
-  return impl_->bytesPerLayer() * impl_->layers;
-}
+uint32_t RasterRowMaker::batchSize() const { return impl_->layers; }
+uint64_t RasterRowMaker::deviceBytes() const { return impl_->bytesPerLayer() * impl_->layers; }
 
 }  // namespace farol

@@ -36,8 +36,7 @@ class RasterRowMaker : public RowMaker {
  public:
   // The arguments must outlive the maker. Where the device has less memory than `deviceMemory` allows, now or later,
   // batches become smaller; throws Error when it does not hold one hemicube.
-  RasterRowMaker(const gpu::Device& device, const FacetSet& facets, const PatchSet& patches,
-                 const RasterOptions& options);
+  RasterRowMaker(const gpu::Device& device, const FacetSet& facets, const PatchSet& patches, const RasterOptions& options);
   ~RasterRowMaker() override;
 
   void makeRows(std::span<const uint32_t> patches, RowStore& store, const std::function<void(size_t)>& done) override;

@@ -85,8 +85,7 @@ struct RayRowMaker::Impl {
           id = met;
         if (tree) meetSpecular(members[member[k]], packet, hits, k, back, met, row);
         if (back && !facets.facets[facet].transmits) {
-          row.backHits.push_back(
-              {row.traced - 1, {packet.ox[k], packet.oy[k], packet.oz[k]}, !facets.facets[facet].doubleSided});
+          row.backHits.push_back({row.traced - 1, {packet.ox[k], packet.oy[k], packet.oz[k]}, !facets.facets[facet].doubleSided});
         }
       }
     }
@@ -96,8 +95,7 @@ struct RayRowMaker::Impl {
   void storeRow(uint32_t patch, Row& row, RowStore& store) const {
     const auto nothing = static_cast<uint32_t>(patches.size());
     const uint32_t count = options.rays;
-    const uint32_t kept =
-        row.backHits.empty() ? count : count - dropCovered(patch, count, row.backHits, row.ids, row.backs);
+    const uint32_t kept = row.backHits.empty() ? count : count - dropCovered(patch, count, row.backHits, row.ids, row.backs);
     const auto storeHits = [&](float weight, const RowShares& shares) {
       for (int c = 0; c < 3; ++c) {
         RowStore* to = c == 0 ? &store : store.channel(c);
@@ -135,8 +133,8 @@ struct RayRowMaker::Impl {
     }
     if (!specular) return;
     row.specularRays.push_back(ray);
-    row.specularHits.push_back({point, glm::normalize(Vec3(packet.dx[k], packet.dy[k], packet.dz[k])), weight, facet, met,
-                                back, medium, 0});
+    row.specularHits.push_back(
+        {point, glm::normalize(Vec3(packet.dx[k], packet.dy[k], packet.dz[k])), weight, facet, met, back, medium, 0});
   }
 
   // A row with paths over mirrors and glass: what rays met first, and what their continuations met.
@@ -170,8 +168,8 @@ struct RayRowMaker::Impl {
   }
 
   // Drops the rays whose origins lie inside something; returns their number.
-  uint32_t dropCovered(uint32_t patch, uint32_t count, const std::vector<BackHit>& backHits,
-                       std::vector<uint32_t>& ids, uint32_t& backs) const {
+  uint32_t dropCovered(uint32_t patch, uint32_t count, const std::vector<BackHit>& backHits, std::vector<uint32_t>& ids,
+                       uint32_t& backs) const {
     const auto nothing = static_cast<uint32_t>(patches.size());
     const Vec3& normal = patches.patches[patch].normal;
     // Bits of those of hits [first, first + count) whose origins lie inside.
@@ -233,8 +231,7 @@ struct RayRowMaker::Impl {
   std::optional<RayTree> tree;  // where something is specular
 };
 
-RayRowMaker::RayRowMaker(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches,
-                         const RayOptions& options)
+RayRowMaker::RayRowMaker(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, const RayOptions& options)
     : impl_(std::make_unique<Impl>(tracer, facets, patches, options)) {}
 RayRowMaker::~RayRowMaker() = default;
 
@@ -266,9 +263,8 @@ void RayRowMaker::makeRows(std::span<const uint32_t> wanted, RowStore& store, co
     size_t next = group;
     while (next + 1 < first.size() && (first[next + 1] - first[group]) * impl.options.rays <= kRaysPerRound) ++next;
     next = std::max(next, group + 1);
-    tbb::parallel_for(group, next, [&](size_t g) {
-      impl.makeRows(std::span(order).subspan(first[g], first[g + 1] - first[g]), store);
-    });
+    tbb::parallel_for(group, next,
+                      [&](size_t g) { impl.makeRows(std::span(order).subspan(first[g], first[g + 1] - first[g]), store); });
     group = next;
     done(first[group]);
   }

@@ -14,8 +14,8 @@ namespace farol {
 struct RayOptions {
   uint32_t rays = 256;  // K per patch
   uint64_t seed = 1;
-  TreeLimits limits = {};         // of paths over mirrors and glass
-  bool spread = true;  // origins over the patch; otherwise all at its centre (for comparison)
+  TreeLimits limits = {};  // of paths over mirrors and glass
+  bool spread = true;      // origins over the patch; otherwise all at its centre (for comparison)
   SampleTable::Kind kind = SampleTable::Kind::lowDiscrepancy;
 };
 

@@ -42,7 +42,8 @@ Symmetric symmetrised(const FormFactorMatrix& f, const std::vector<double>& area
     parts[i] = {};
     // |A_i F_ij - A_j F_ji| is twice what the mean differs from the entry by.
     std::vector<float> own = f[i].expanded();
-    for (size_t k = 0; k < s.ids[i].size(); ++k) apart[i] += 2 * std::abs(s.values[i][k] - area[i] * static_cast<double>(own[s.ids[i][k]]));
+    for (size_t k = 0; k < s.ids[i].size(); ++k)
+      apart[i] += 2 * std::abs(s.values[i][k] - area[i] * static_cast<double>(own[s.ids[i][k]]));
   });
   asymmetry = 0;
   for (const double a : apart) asymmetry += total > 0 ? a / total : 0;

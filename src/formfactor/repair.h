@@ -7,8 +7,8 @@ namespace farol {
 
 struct Repair {
   double meanChange = 0, largestChange = 0;  // of a row, sum_j |F'_ij - F_ij|: area-weighted mean, and largest
-  double asymmetry = 0;   // before: sum |A_i F_ij - A_j F_ji| over sum A_i F_ij
-  double closure = 0;     // largest difference of a row's sum left, relative
+  double asymmetry = 0;                      // before: sum |A_i F_ij - A_j F_ji| over sum A_i F_ij
+  double closure = 0;                        // largest difference of a row's sum left, relative
   size_t sweeps = 0;
 };
 

@@ -72,8 +72,8 @@ void RowAccumulator::store(RowStore& store, uint32_t patch, double share) {
   }
 }
 
-void RowAccumulator::storeContinued(RowStore& store, uint32_t patch, std::span<const double> first,
-                           const ContinuedEntries& more, double scale, const RowShares& shares) {
+void RowAccumulator::storeContinued(RowStore& store, uint32_t patch, std::span<const double> first, const ContinuedEntries& more,
+                                    double scale, const RowShares& shares) {
   for (int c = 0; c < more.channels(); ++c) {
     RowStore* to = c == 0 ? &store : store.channel(c);
     if (to == nullptr) break;

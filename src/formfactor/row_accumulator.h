@@ -7,7 +7,7 @@
 namespace farol {
 
 inline constexpr double kFullHemisphere = 4294967295.0;  // 2^32 - 1, the sum of all delta form factors
-inline constexpr uint32_t kAllBacks = 0xFFFFFFFFu;  // a position that sees nothing but black backs lies inside a solid
+inline constexpr uint32_t kAllBacks = 0xFFFFFFFFu;       // a position that sees nothing but black backs lies inside a solid
 
 // What one hemicube sees, in delta form factors.
 struct SeenCounts {

@@ -15,8 +15,7 @@ struct Stopped {};  // thrown through a maker when another one has failed
 // What the threads of one call share.
 class Work {
  public:
-  Work(std::span<const uint32_t> patches, size_t chunk, RowStore& store)
-      : patches_(patches), chunk_(chunk), store_(store) {}
+  Work(std::span<const uint32_t> patches, size_t chunk, RowStore& store) : patches_(patches), chunk_(chunk), store_(store) {}
 
   // Takes chunks until none is left; `report` hears of progress. The first failure is kept and stops everybody.
   void run(RowMaker& maker, const std::function<void()>& report) {
@@ -63,8 +62,7 @@ class Work {
 TeamRowMaker::TeamRowMaker(std::vector<std::unique_ptr<RowMaker>> makers, size_t chunk)
     : makers_(std::move(makers)), chunk_(std::max<size_t>(1, chunk)) {}
 
-void TeamRowMaker::makeRows(std::span<const uint32_t> patches, RowStore& store,
-                            const std::function<void(size_t)>& done) {
+void TeamRowMaker::makeRows(std::span<const uint32_t> patches, RowStore& store, const std::function<void(size_t)>& done) {
   Work work(patches, chunk_, store);
   std::mutex mutex;
   std::condition_variable finished;

@@ -25,17 +25,13 @@ Vec2 toDisc(double u, double v) {
   return b * Vec2(std::cos(kPi / 2 - kPi / 4 * a / b), std::sin(kPi / 2 - kPi / 4 * a / b));
 }
 
-float unitFloat(uint32_t fixed) {
-  return static_cast<float>(fixed >> 8) * 0x1p-24f;
-}
+float unitFloat(uint32_t fixed) { return static_cast<float>(fixed >> 8) * 0x1p-24f; }
 
 void resize(SampleTable::Columns& c, size_t size) {
   for (auto* column : {&c.dx, &c.dy, &c.dz, &c.s, &c.t}) column->resize(size);
 }
 
-float wrap(float x) {
-  return x >= 1 ? x - 1 : x;
-}
+float wrap(float x) { return x >= 1 ? x - 1 : x; }
 
 }  // namespace
 
@@ -69,9 +65,8 @@ SampleTable::SampleTable(uint32_t k, uint64_t seed, Kind kind) : samples(k) {
                    unitFloat(fixed[2]),
                    unitFloat(fixed[3])};
     }
-    std::sort(points.begin(), points.end(), [](const Point& a, const Point& b) {
-      return a.code != b.code ? a.code < b.code : a.number < b.number;
-    });
+    std::sort(points.begin(), points.end(),
+              [](const Point& a, const Point& b) { return a.code != b.code ? a.code < b.code : a.number < b.number; });
     for (uint32_t i = 0; i < samples; ++i) {
       const size_t at = size_t{block} * samples + i;
       const Point& p = points[i];
@@ -86,8 +81,7 @@ SampleTable::SampleTable(uint32_t k, uint64_t seed, Kind kind) : samples(k) {
   if (samples > kMostTogether) return;
   std::vector<uint32_t> order(total);
   for (uint32_t i = 0; i < total; ++i) order[i] = i;
-  std::sort(order.begin(), order.end(),
-            [&](uint32_t a, uint32_t b) { return codes[a] != codes[b] ? codes[a] < codes[b] : a < b; });
+  std::sort(order.begin(), order.end(), [&](uint32_t a, uint32_t b) { return codes[a] != codes[b] ? codes[a] < codes[b] : a < b; });
   resize(together, total + kPacketSize);
   togetherFrom.resize(total + kPacketSize);
   for (uint32_t i = 0; i < total; ++i) {
@@ -134,8 +128,7 @@ namespace {
 #if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__)
 FAROL_CLONES
 #endif
-void turnDirections(const std::array<glm::vec3, 3>& frame, const float* x, const float* y, const float* z,
-                    RayPacket& rays) {
+void turnDirections(const std::array<glm::vec3, 3>& frame, const float* x, const float* y, const float* z, RayPacket& rays) {
   const glm::vec3 &a = frame[0], &b = frame[1], &c = frame[2];
   for (uint32_t k = 0; k < kPacketSize; ++k) {
     rays.dx[k] = x[k] * a.x + y[k] * b.x + z[k] * c.x;
@@ -164,8 +157,8 @@ void spreadOrigins(const glm::vec3& u, const glm::vec3& v, float margin, glm::ve
 
 }  // namespace
 
-TileRays::TileRays(const FacetSet& facets, const PatchSet& patches, const SampleTable& table,
-                   bool spread, uint64_t seed, std::span<const uint32_t> patchIds)
+TileRays::TileRays(const FacetSet& facets, const PatchSet& patches, const SampleTable& table, bool spread, uint64_t seed,
+                   std::span<const uint32_t> patchIds)
     : table_(table), together_(patchIds.size() > 1), spread_(spread), alike_(true) {
   const TileSeat seat = seatOf(facets, patches, patchIds[0], seed);
   shiftS_ = seat.s;
@@ -191,8 +184,12 @@ TileRays::TileRays(const FacetSet& facets, const PatchSet& patches, const Sample
       // The patch's frame, turned to the piece.
       const Vec3 across = glm::normalize(tangent - glm::dot(tangent, piece.normal) * piece.normal);
       member.bent |= piece.normal != n;
-      member.pieces.push_back({piece.origin + facets.facets[piece.facet].rayOffset * piece.normal, piece.u, piece.v, static_cast<float>(total),
-                               piece.triangle, {across, glm::cross(piece.normal, across), piece.normal}});
+      member.pieces.push_back({piece.origin + facets.facets[piece.facet].rayOffset * piece.normal,
+                               piece.u,
+                               piece.v,
+                               static_cast<float>(total),
+                               piece.triangle,
+                               {across, glm::cross(piece.normal, across), piece.normal}});
     }
     for (Span& c : member.pieces) c.end /= static_cast<float>(total);
     // Origins keep clear of the edges, beyond which rounding could put them.

@@ -18,7 +18,7 @@ namespace farol {
 struct SampleTable {
   static constexpr uint32_t kBlocks = 16;
   static constexpr uint32_t kMostTogether = 1024;  // K up to which the patches of a tile are traced together
-  enum class Kind { lowDiscrepancy, random };  // random: for comparison only
+  enum class Kind { lowDiscrepancy, random };      // random: for comparison only
 
   SampleTable(uint32_t samples, uint64_t seed, Kind kind = Kind::lowDiscrepancy);
 
@@ -27,9 +27,9 @@ struct SampleTable {
     std::vector<float> dx, dy, dz, s, t;
   };
 
-  uint32_t samples;                   // K, per block
-  Columns apart;                      // block after block
-  Columns together;                   // all blocks in one order of directions; empty beyond kMostTogether
+  uint32_t samples;                    // K, per block
+  Columns apart;                       // block after block
+  Columns together;                    // all blocks in one order of directions; empty beyond kMostTogether
   std::vector<uint32_t> togetherFrom;  // [16 K] and a packet of zeros: the block of each
 };
 

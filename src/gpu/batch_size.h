@@ -12,8 +12,7 @@ class BatchSize {
  public:
   static constexpr double kSeconds = 0.25;
 
-  BatchSize(uint32_t first, uint32_t least, uint32_t most)
-      : least_(least), most_(most), now_(std::clamp(first, least, most)) {}
+  BatchSize(uint32_t first, uint32_t least, uint32_t most) : least_(least), most_(most), now_(std::clamp(first, least, most)) {}
 
   uint32_t now() const { return now_; }
 
@@ -21,7 +20,8 @@ class BatchSize {
   void took(uint32_t count, double seconds) {
     if (count == 0) return;
     const double wanted = count * kSeconds / std::max(seconds, 1e-9);
-    now_ = static_cast<uint32_t>(std::clamp(std::floor(std::min(wanted, 2.0 * now_)), static_cast<double>(least_), static_cast<double>(most_)));
+    now_ = static_cast<uint32_t>(
+        std::clamp(std::floor(std::min(wanted, 2.0 * now_)), static_cast<double>(least_), static_cast<double>(most_)));
   }
 
  private:

@@ -33,9 +33,9 @@ struct Commands::Impl {
     device.vk.vkCmdPipelineBarrier2(buffer, &info);
   }
 
-  void imageBarrier(const RasterTarget::Impl::Image& image, uint32_t first, uint32_t count,
-                    VkPipelineStageFlags2 fromStage, VkAccessFlags2 fromAccess, VkImageLayout from,
-                    VkPipelineStageFlags2 toStage, VkAccessFlags2 toAccess, VkImageLayout to) const {
+  void imageBarrier(const RasterTarget::Impl::Image& image, uint32_t first, uint32_t count, VkPipelineStageFlags2 fromStage,
+                    VkAccessFlags2 fromAccess, VkImageLayout from, VkPipelineStageFlags2 toStage, VkAccessFlags2 toAccess,
+                    VkImageLayout to) const {
     VkImageMemoryBarrier2 barrier{};
     barrier.sType = VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER_2;
     barrier.srcStageMask = fromStage;
@@ -87,8 +87,8 @@ void Commands::begin() {
 void Commands::fill(const Buffer& buffer, uint64_t bytes, uint32_t value) {
   impl_->device.vk.vkCmdFillBuffer(impl_->buffer, buffer.impl().buffer, 0, (bytes + 3) / 4 * 4, value);
   // fill -> shaders
-  impl_->barrier(VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT, VK_ACCESS_2_TRANSFER_WRITE_BIT,
-                 VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT, VK_ACCESS_2_SHADER_READ_BIT | VK_ACCESS_2_SHADER_WRITE_BIT);
+  impl_->barrier(VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT, VK_ACCESS_2_TRANSFER_WRITE_BIT, VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT,
+                 VK_ACCESS_2_SHADER_READ_BIT | VK_ACCESS_2_SHADER_WRITE_BIT);
 }
 
 void Commands::copy(const Buffer& from, const Buffer& to, uint64_t bytes) {
@@ -145,8 +145,7 @@ void Commands::bind(const Pipeline& pipeline, const Bindings& bindings) {
   const Pipeline::Impl& p = pipeline.impl();
   impl_->bound = &p;
   impl_->device.vk.vkCmdBindPipeline(impl_->buffer, p.bindPoint, p.pipeline);
-  impl_->device.vk.vkCmdBindDescriptorSets(impl_->buffer, p.bindPoint, p.layout, 0, 1, &bindings.impl().set, 0,
-                                           nullptr);
+  impl_->device.vk.vkCmdBindDescriptorSets(impl_->buffer, p.bindPoint, p.layout, 0, 1, &bindings.impl().set, 0, nullptr);
 }
 
 void Commands::bindMesh(const Buffer& vertices, const Buffer& indices) {
@@ -171,39 +170,32 @@ void Commands::faces(Faces drawn) {
 }
 
 void Commands::push(std::span<const std::byte> constants) {
-  constexpr VkShaderStageFlags kAllStages =
-      VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT | VK_SHADER_STAGE_COMPUTE_BIT;
-  impl_->device.vk.vkCmdPushConstants(impl_->buffer, impl_->bound->layout, kAllStages, 0,
-                                      static_cast<uint32_t>(constants.size()), constants.data());
+  constexpr VkShaderStageFlags kAllStages = VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT | VK_SHADER_STAGE_COMPUTE_BIT;
+  impl_->device.vk.vkCmdPushConstants(impl_->buffer, impl_->bound->layout, kAllStages, 0, static_cast<uint32_t>(constants.size()),
+                                      constants.data());
 }
 
-void Commands::drawIndexed(uint32_t indexCount) {
-  impl_->device.vk.vkCmdDrawIndexed(impl_->buffer, indexCount, 1, 0, 0, 0);
-}
+void Commands::drawIndexed(uint32_t indexCount) { impl_->device.vk.vkCmdDrawIndexed(impl_->buffer, indexCount, 1, 0, 0, 0); }
 
 void Commands::drawIndirect(const Buffer& draws, uint32_t first, uint32_t count) {
   constexpr uint32_t kStride = sizeof(VkDrawIndexedIndirectCommand);
-  impl_->device.vk.vkCmdDrawIndexedIndirect(impl_->buffer, draws.impl().buffer, uint64_t{kStride} * first, count,
-                                            kStride);
+  impl_->device.vk.vkCmdDrawIndexedIndirect(impl_->buffer, draws.impl().buffer, uint64_t{kStride} * first, count, kStride);
 }
 
-void Commands::endRaster() {
-  impl_->device.vk.vkCmdEndRendering(impl_->buffer);
-}
+void Commands::endRaster() { impl_->device.vk.vkCmdEndRendering(impl_->buffer); }
 
 void Commands::copyColor(const RasterTarget& target, uint32_t color, uint32_t layers, const Buffer& to) {
   const RasterTarget::Impl& t = target.impl();
   const RasterTarget::Impl::Image& image = t.colors[color];
   // drawing -> copy
-  impl_->imageBarrier(image, 0, layers, VK_PIPELINE_STAGE_2_COLOR_ATTACHMENT_OUTPUT_BIT,
-                      VK_ACCESS_2_COLOR_ATTACHMENT_WRITE_BIT, VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL,
-                      VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT, VK_ACCESS_2_TRANSFER_READ_BIT,
+  impl_->imageBarrier(image, 0, layers, VK_PIPELINE_STAGE_2_COLOR_ATTACHMENT_OUTPUT_BIT, VK_ACCESS_2_COLOR_ATTACHMENT_WRITE_BIT,
+                      VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL, VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT, VK_ACCESS_2_TRANSFER_READ_BIT,
                       VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL);
   VkBufferImageCopy region{};
   region.imageSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, layers};
   region.imageExtent = {t.width, t.height, 1};
-  impl_->device.vk.vkCmdCopyImageToBuffer(impl_->buffer, image.image, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL,
-                                          to.impl().buffer, 1, &region);
+  impl_->device.vk.vkCmdCopyImageToBuffer(impl_->buffer, image.image, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL, to.impl().buffer, 1,
+                                          &region);
   // copy -> reduction, or the host
   impl_->barrier(VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT, VK_ACCESS_2_TRANSFER_WRITE_BIT,
                  VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_2_HOST_BIT,

@@ -77,11 +77,10 @@ VkInstance createInstance(bool validation, bool& debugUtils) {
     vkEnumerateInstanceLayerProperties(&layerCount, nullptr);
     std::vector<VkLayerProperties> known(layerCount);
     vkEnumerateInstanceLayerProperties(&layerCount, known.data());
-    const bool found = std::any_of(known.begin(), known.end(),
-                                   [](const auto& l) { return std::strcmp(l.layerName, kValidationLayer) == 0; });
+    const bool found =
+        std::any_of(known.begin(), known.end(), [](const auto& l) { return std::strcmp(l.layerName, kValidationLayer) == 0; });
     if (!found || !debugUtils)
-      throw Error("FAROL_VALIDATION is set but {} is not installed (Debian: vulkan-validationlayers)",
-                  kValidationLayer);
+      throw Error("FAROL_VALIDATION is set but {} is not installed (Debian: vulkan-validationlayers)", kValidationLayer);
     layers.push_back(kValidationLayer);
   }
   VkApplicationInfo application{};
@@ -150,8 +149,7 @@ std::string refusalOf(VkPhysicalDevice device, const VkPhysicalDeviceProperties&
   if (queueFamilyOf(device) < 0) return "has no queue for both graphics and compute";
   VkFormatProperties format{};
   vkGetPhysicalDeviceFormatProperties(device, VK_FORMAT_R32_UINT, &format);
-  if ((format.optimalTilingFeatures & VK_FORMAT_FEATURE_COLOR_ATTACHMENT_BIT) == 0)
-    return "cannot draw into 32-bit integer images";
+  if ((format.optimalTilingFeatures & VK_FORMAT_FEATURE_COLOR_ATTACHMENT_BIT) == 0) return "cannot draw into 32-bit integer images";
   vkGetPhysicalDeviceFormatProperties(device, VK_FORMAT_D32_SFLOAT, &format);
   if ((format.optimalTilingFeatures & VK_FORMAT_FEATURE_DEPTH_STENCIL_ATTACHMENT_BIT) == 0)
     return "has no 32-bit float depth images";
@@ -171,8 +169,8 @@ std::vector<std::pair<VkPhysicalDevice, DeviceInfo>> enumerate(VkInstance instan
     info.index = i;
     info.name = base.deviceName;
     info.type = typeName(base.deviceType);
-    info.apiVersion = fmt::format("{}.{}.{}", VK_API_VERSION_MAJOR(base.apiVersion),
-                                  VK_API_VERSION_MINOR(base.apiVersion), VK_API_VERSION_PATCH(base.apiVersion));
+    info.apiVersion = fmt::format("{}.{}.{}", VK_API_VERSION_MAJOR(base.apiVersion), VK_API_VERSION_MINOR(base.apiVersion),
+                                  VK_API_VERSION_PATCH(base.apiVersion));
     info.refusal = refusalOf(handles[i], base);
     if (base.apiVersion >= VK_API_VERSION_1_2) {
       VkPhysicalDeviceDriverProperties driver{};
@@ -188,15 +186,13 @@ std::vector<std::pair<VkPhysicalDevice, DeviceInfo>> enumerate(VkInstance instan
       features.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
       features.pNext = &features12;
       vkGetPhysicalDeviceFeatures2(handles[i], &features);
-      info.layeredDrawing = features12.shaderOutputLayer == VK_TRUE &&
-                            features.features.drawIndirectFirstInstance == VK_TRUE &&
+      info.layeredDrawing = features12.shaderOutputLayer == VK_TRUE && features.features.drawIndirectFirstInstance == VK_TRUE &&
                             features.features.multiDrawIndirect == VK_TRUE;
     }
     VkPhysicalDeviceMemoryProperties memory{};
     vkGetPhysicalDeviceMemoryProperties(handles[i], &memory);
     for (uint32_t h = 0; h < memory.memoryHeapCount; ++h) {
-      if ((memory.memoryHeaps[h].flags & VK_MEMORY_HEAP_DEVICE_LOCAL_BIT) != 0)
-        info.memoryBytes += memory.memoryHeaps[h].size;
+      if ((memory.memoryHeaps[h].flags & VK_MEMORY_HEAP_DEVICE_LOCAL_BIT) != 0) info.memoryBytes += memory.memoryHeaps[h].size;
     }
     result.emplace_back(handles[i], info);
   }
@@ -204,8 +200,7 @@ std::vector<std::pair<VkPhysicalDevice, DeviceInfo>> enumerate(VkInstance instan
 }
 
 std::string lowered(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   return text;
 }
 
@@ -261,11 +256,13 @@ void createLogicalDevice(Device::Impl& d) {
 
 void check(VkResult result, const std::string& operation) {
   if (result == VK_SUCCESS) return;
-  const std::string sentence = fmt::format("failed to {}: {} (VkResult {})", operation, resultName(result), static_cast<int>(result));
+  const std::string sentence =
+      fmt::format("failed to {}: {} (VkResult {})", operation, resultName(result), static_cast<int>(result));
   if (result == VK_ERROR_OUT_OF_DEVICE_MEMORY || result == VK_ERROR_OUT_OF_HOST_MEMORY) throw OutOfMemory(sentence);
   if (result == VK_ERROR_DEVICE_LOST) {
-    throw DeviceLost("{}: it was reset or taken away, or its driver ended work that took too long; choose another --device, or --method rays",
-                     sentence);
+    throw DeviceLost(
+        "{}: it was reset or taken away, or its driver ended work that took too long; choose another --device, or --method rays",
+        sentence);
   }
   throw Error(sentence);
 }
@@ -333,14 +330,11 @@ Device::Device(const std::string& wanted) : impl_(std::make_unique<Impl>()) {
   if (validation) {
     VkDebugUtilsMessengerCreateInfoEXT listener{};
     listener.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT;
-    listener.messageSeverity =
-        VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT | VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT;
-    listener.messageType =
-        VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT | VK_DEBUG_UTILS_MESSAGE_TYPE_PERFORMANCE_BIT_EXT;
+    listener.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT | VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT;
+    listener.messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT | VK_DEBUG_UTILS_MESSAGE_TYPE_PERFORMANCE_BIT_EXT;
     listener.pfnUserCallback = onMessage;
     listener.pUserData = &d;
-    check(vkCreateDebugUtilsMessengerEXT(d.instance, &listener, nullptr, &d.messenger),
-          "listen to the validation layer");
+    check(vkCreateDebugUtilsMessengerEXT(d.instance, &listener, nullptr, &d.messenger), "listen to the validation layer");
   }
   const auto devices = enumerate(d.instance);
   std::string reasons;
@@ -364,8 +358,7 @@ Device::Device(const std::string& wanted) : impl_(std::make_unique<Impl>()) {
   VkPhysicalDeviceProperties properties{};
   vkGetPhysicalDeviceProperties(d.physical, &properties);
   vkGetPhysicalDeviceMemoryProperties(d.physical, &d.memory);
-  d.limits = {properties.limits.maxStorageBufferRange, properties.limits.maxImageDimension2D,
-              properties.limits.maxImageArrayLayers,
+  d.limits = {properties.limits.maxStorageBufferRange, properties.limits.maxImageDimension2D, properties.limits.maxImageArrayLayers,
               std::min(properties.limits.maxComputeWorkGroupCount[0], properties.limits.maxComputeWorkGroupCount[1])};
   for (const uint8_t byte : properties.pipelineCacheUUID) d.cacheKey += fmt::format("{:02x}", byte);
   createLogicalDevice(d);
@@ -375,14 +368,8 @@ Device::Device(const std::string& wanted) : impl_(std::make_unique<Impl>()) {
 Device::~Device() = default;
 Device::Device(Device&&) noexcept = default;
 
-const DeviceInfo& Device::info() const {
-  return impl_->info;
-}
-const Limits& Device::limits() const {
-  return impl_->limits;
-}
-size_t Device::validationMessages() const {
-  return impl_->messages;
-}
+const DeviceInfo& Device::info() const { return impl_->info; }
+const Limits& Device::limits() const { return impl_->limits; }
+size_t Device::validationMessages() const { return impl_->messages; }
 
 }  // namespace farol::gpu

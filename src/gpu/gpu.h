@@ -151,16 +151,15 @@ class Pipeline {
 
 class ComputePipeline : public Pipeline {
  public:
-  ComputePipeline(const Device& device, const std::string& name, Spirv shader, uint32_t bufferCount,
-                  uint32_t pushBytes);
+  ComputePipeline(const Device& device, const std::string& name, Spirv shader, uint32_t bufferCount, uint32_t pushBytes);
 };
 
 // Indexed triangles; vertices are 16 bytes: three floats (location 0) and one unsigned integer (location 1).
 // Depth is reversed: greater is nearer, equal does not replace.
 class RasterPipeline : public Pipeline {
  public:
-  RasterPipeline(const Device& device, const std::string& name, Spirv vertex, Spirv fragment,
-                 const std::vector<Format>& colors, uint32_t bufferCount, uint32_t pushBytes);
+  RasterPipeline(const Device& device, const std::string& name, Spirv vertex, Spirv fragment, const std::vector<Format>& colors,
+                 uint32_t bufferCount, uint32_t pushBytes);
 };
 
 enum class Faces { all, front, back };  // which triangles are drawn; front is counter-clockwise

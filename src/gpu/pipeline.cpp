@@ -32,8 +32,7 @@ class ShaderModule {
   VkShaderModule module_ = VK_NULL_HANDLE;
 };
 
-constexpr VkShaderStageFlags kAllStages =
-    VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT | VK_SHADER_STAGE_COMPUTE_BIT;
+constexpr VkShaderStageFlags kAllStages = VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT | VK_SHADER_STAGE_COMPUTE_BIT;
 
 void createLayout(Pipeline::Impl& p, uint32_t bufferCount, uint32_t pushBytes) {
   p.setLayout = createBufferLayout(p.device, bufferCount);
@@ -70,8 +69,7 @@ ComputePipeline::ComputePipeline(const Device& device, const std::string& name, 
   info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
   info.stage = module.stage(VK_SHADER_STAGE_COMPUTE_BIT);
   info.layout = impl_->layout;
-  check(d.vk.vkCreateComputePipelines(d.device, d.pipelineCache, 1, &info, nullptr, &impl_->pipeline),
-        "create pipeline " + name);
+  check(d.vk.vkCreateComputePipelines(d.device, d.pipelineCache, 1, &info, nullptr, &impl_->pipeline), "create pipeline " + name);
   d.name(VK_OBJECT_TYPE_PIPELINE, impl_->pipeline, name);
 }
 
@@ -82,8 +80,7 @@ RasterPipeline::RasterPipeline(const Device& device, const std::string& name, Sp
   impl_->bindPoint = VK_PIPELINE_BIND_POINT_GRAPHICS;
   createLayout(*impl_, bufferCount, pushBytes);
   const ShaderModule vertexModule(d, vertex, name + " vertex"), fragmentModule(d, fragment, name + " fragment");
-  const std::array stages = {vertexModule.stage(VK_SHADER_STAGE_VERTEX_BIT),
-                             fragmentModule.stage(VK_SHADER_STAGE_FRAGMENT_BIT)};
+  const std::array stages = {vertexModule.stage(VK_SHADER_STAGE_VERTEX_BIT), fragmentModule.stage(VK_SHADER_STAGE_FRAGMENT_BIT)};
 
   const VkVertexInputBindingDescription binding{0, 16, VK_VERTEX_INPUT_RATE_VERTEX};
   const std::array<VkVertexInputAttributeDescription, 2> attributes = {
@@ -150,8 +147,7 @@ RasterPipeline::RasterPipeline(const Device& device, const std::string& name, Sp
   info.pColorBlendState = &blend;
   info.pDynamicState = &dynamic;
   info.layout = impl_->layout;
-  check(d.vk.vkCreateGraphicsPipelines(d.device, d.pipelineCache, 1, &info, nullptr, &impl_->pipeline),
-        "create pipeline " + name);
+  check(d.vk.vkCreateGraphicsPipelines(d.device, d.pipelineCache, 1, &info, nullptr, &impl_->pipeline), "create pipeline " + name);
   d.name(VK_OBJECT_TYPE_PIPELINE, impl_->pipeline, name);
 }
 

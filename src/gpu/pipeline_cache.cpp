@@ -37,16 +37,13 @@ void loadPipelineCache(Device::Impl& device) {
   info.sType = VK_STRUCTURE_TYPE_PIPELINE_CACHE_CREATE_INFO;
   info.initialDataSize = data.size();  // the driver ignores data that is not its own
   info.pInitialData = data.data();
-  check(device.vk.vkCreatePipelineCache(device.device, &info, nullptr, &device.pipelineCache),
-        "create a pipeline cache");
+  check(device.vk.vkCreatePipelineCache(device.device, &info, nullptr, &device.pipelineCache), "create a pipeline cache");
 }
 
 void savePipelineCache(const Device::Impl& device) {
   const fs::path file = cacheFile(device);
   size_t size = 0;
-  if (file.empty() ||
-      device.vk.vkGetPipelineCacheData(device.device, device.pipelineCache, &size, nullptr) != VK_SUCCESS)
-    return;
+  if (file.empty() || device.vk.vkGetPipelineCacheData(device.device, device.pipelineCache, &size, nullptr) != VK_SUCCESS) return;
   if (size == device.loadedCacheBytes) return;
   std::vector<char> data(size);
   if (device.vk.vkGetPipelineCacheData(device.device, device.pipelineCache, &size, data.data()) != VK_SUCCESS) return;

@@ -20,9 +20,8 @@ Buffer::Buffer(const Device& device, const std::string& name, uint64_t bytes, Me
   VkBufferCreateInfo info{};
   info.sType = VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO;
   info.size = impl_->bytes;
-  info.usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_VERTEX_BUFFER_BIT |
-               VK_BUFFER_USAGE_INDEX_BUFFER_BIT | VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT |
-               VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
+  info.usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_VERTEX_BUFFER_BIT | VK_BUFFER_USAGE_INDEX_BUFFER_BIT |
+               VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
   check(d.vk.vkCreateBuffer(d.device, &info, nullptr, &impl_->buffer), "create buffer " + name);
   VkMemoryRequirements needs{};
   d.vk.vkGetBufferMemoryRequirements(d.device, impl_->buffer, &needs);
@@ -44,12 +43,8 @@ Buffer::Buffer(const Device& device, const std::string& name, uint64_t bytes, Me
 Buffer::~Buffer() = default;
 Buffer::Buffer(Buffer&&) noexcept = default;
 Buffer& Buffer::operator=(Buffer&&) noexcept = default;
-uint64_t Buffer::bytes() const {
-  return impl_->bytes;
-}
-std::byte* Buffer::mapped() const {
-  return impl_->mapped;
-}
+uint64_t Buffer::bytes() const { return impl_->bytes; }
+std::byte* Buffer::mapped() const { return impl_->mapped; }
 
 Buffer uploadBytes(const Device& device, const std::string& name, std::span<const std::byte> data) {
   Buffer staging(device, name + " (staging)", data.size(), Memory::upload);
@@ -67,9 +62,7 @@ Buffer uploadBytes(const Device& device, const std::string& name, std::span<cons
 
 // ---- images
 
-VkFormat vulkanFormat(Format format) {
-  return format == Format::uint32 ? VK_FORMAT_R32_UINT : VK_FORMAT_R32G32_SFLOAT;
-}
+VkFormat vulkanFormat(Format format) { return format == Format::uint32 ? VK_FORMAT_R32_UINT : VK_FORMAT_R32G32_SFLOAT; }
 
 RasterTarget::Impl::~Impl() {
   const auto destroy = [this](Image& image) {
@@ -81,8 +74,7 @@ RasterTarget::Impl::~Impl() {
   destroy(depth);
 }
 
-void RasterTarget::Impl::create(Image& image, VkFormat format, VkImageUsageFlags usage,
-                                const std::string& label) const {
+void RasterTarget::Impl::create(Image& image, VkFormat format, VkImageUsageFlags usage, const std::string& label) const {
   image.format = format;
   VkImageCreateInfo info{};
   info.sType = VK_STRUCTURE_TYPE_IMAGE_CREATE_INFO;
@@ -115,8 +107,8 @@ VkImageView RasterTarget::Impl::view(Image& image, uint32_t first, uint32_t coun
   return handle;
 }
 
-RasterTarget::RasterTarget(const Device& device, const std::string& name, uint32_t width, uint32_t height,
-                           uint32_t layers, const std::vector<Format>& colors)
+RasterTarget::RasterTarget(const Device& device, const std::string& name, uint32_t width, uint32_t height, uint32_t layers,
+                           const std::vector<Format>& colors)
     : impl_(std::make_unique<Impl>(device.impl())) {
   impl_->name = name;
   impl_->width = width;
@@ -124,8 +116,7 @@ RasterTarget::RasterTarget(const Device& device, const std::string& name, uint32
   impl_->layers = layers;
   impl_->colors.resize(colors.size());
   for (size_t i = 0; i < colors.size(); ++i) {
-    impl_->create(impl_->colors[i], vulkanFormat(colors[i]),
-                  VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT,
+    impl_->create(impl_->colors[i], vulkanFormat(colors[i]), VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT,
                   fmt::format("{} colour {}", name, i));
   }
   impl_->depth.aspect = VK_IMAGE_ASPECT_DEPTH_BIT;

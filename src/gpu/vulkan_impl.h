@@ -34,7 +34,7 @@ struct Device::Impl {
   VkCommandPool pool = VK_NULL_HANDLE;
   VkPipelineCache pipelineCache = VK_NULL_HANDLE;
   size_t loadedCacheBytes = 0;
-  uint64_t mostAllocated = UINT64_MAX;  // faults to order (FAROL_DEVICE_FAULT): bytes at once,
+  uint64_t mostAllocated = UINT64_MAX;      // faults to order (FAROL_DEVICE_FAULT): bytes at once,
   mutable uint64_t waitsLeft = UINT64_MAX;  // and waits until the device is lost
 
   ~Impl();
@@ -43,8 +43,8 @@ struct Device::Impl {
   void name(VkObjectType type, Handle handle, const std::string& text) const {
     setName(type, reinterpret_cast<uint64_t>(handle), text);
   }
-  VkDeviceMemory allocate(const VkMemoryRequirements& needs, VkMemoryPropertyFlags wanted,
-                          VkMemoryPropertyFlags preferred, const std::string& what) const;
+  VkDeviceMemory allocate(const VkMemoryRequirements& needs, VkMemoryPropertyFlags wanted, VkMemoryPropertyFlags preferred,
+                          const std::string& what) const;
 
  private:
   void setName(VkObjectType type, uint64_t handle, const std::string& text) const;

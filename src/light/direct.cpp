@@ -16,7 +16,7 @@ namespace {
 // asked by neighbours.
 constexpr uint32_t kPenumbraFactor = 4, kElsewhere = 4, kFewestToAsk = 16;
 constexpr size_t kEnoughToAsk = 5;
-constexpr double kFewestRays = 4;        // a source that deserves fewer shares them with the others of its kind
+constexpr double kFewestRays = 4;  // a source that deserves fewer shares them with the others of its kind
 
 }  // namespace
 
@@ -34,13 +34,13 @@ struct DirectIrradiance::Receiver {
 };
 
 Rgb unoccludedIrradiance(const PunctualLight& light, const Vec3& point, const Vec3& normal) {
-  if (light.kind == PunctualLight::Kind::directional)
-    return light.intensity * std::max(0.0, -glm::dot(normal, light.direction));
+  if (light.kind == PunctualLight::Kind::directional) return light.intensity * std::max(0.0, -glm::dot(normal, light.direction));
   const Vec3 to = light.position - point;
   const double squared = glm::dot(to, to), distance = std::sqrt(squared);
   const double cosine = distance > 0 ? glm::dot(normal, to) / distance : 0;
   if (cosine <= 0) return Rgb(0);
-  return light.intensity * (cosine / squared * rangeShare(light, distance) * coneShare(light, -glm::dot(light.direction, to) / distance));
+  return light.intensity *
+         (cosine / squared * rangeShare(light, distance) * coneShare(light, -glm::dot(light.direction, to) / distance));
 }
 
 double rangeShare(const PunctualLight& light, double distance) {
@@ -57,14 +57,19 @@ double coneShare(const PunctualLight& light, double cosine) {
 
 Vec3 wayTo(const PunctualLight& light, const Vec3& point, const Frame& frame) {
   constexpr double kOutOfAnyScene = 3;  // whose diagonal is 1; another one for each mirror on the way
-  if (light.kind == PunctualLight::Kind::directional) return -(kOutOfAnyScene + static_cast<double>(light.mirrors.size())) * light.direction;
+  if (light.kind == PunctualLight::Kind::directional)
+    return -(kOutOfAnyScene + static_cast<double>(light.mirrors.size())) * light.direction;
   return frame.toUnit(light.position) - point;
 }
 
 DirectIrradiance::DirectIrradiance(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches,
-                                   std::span<const Lamp> lamps, std::span<const PunctualLight> lights,
-                                   const DirectOptions& options)
-    : tracer_(tracer), facets_(facets), patches_(patches), lamps_(lamps), lights_(lights), options_(options),
+                                   std::span<const Lamp> lamps, std::span<const PunctualLight> lights, const DirectOptions& options)
+    : tracer_(tracer),
+      facets_(facets),
+      patches_(patches),
+      lamps_(lamps),
+      lights_(lights),
+      options_(options),
       points_(SampleTable::kBlocks * kPenumbraFactor * options.shadowRays) {}
 
 DirectIrradiance::Receiver DirectIrradiance::receiverOf(uint32_t patch, double exposed) const {
@@ -90,8 +95,8 @@ DirectIrradiance::Receiver DirectIrradiance::receiverOf(uint32_t patch, double e
 struct DirectIrradiance::Source {
   const Lamp* lamp;
   const PunctualLight* light;
-  Rgb irradiance;  // unoccluded
-  double weight;   // its largest channel
+  Rgb irradiance;                 // unoccluded
+  double weight;                  // its largest channel
   std::array<uint32_t, 4> shift;  // of the sequence
 
   const std::vector<uint32_t>& mirrors() const { return lamp != nullptr ? lamp->mirrors : light->mirrors; }
@@ -105,8 +110,7 @@ std::vector<DirectIrradiance::Source> DirectIrradiance::sourcesOf(const Receiver
     const bool isNear = glm::distance(lamp.centre, r.centre) < lamp.radius + 3 * r.radius;
     const bool cut = std::abs(glm::dot(lamp.normal, r.centre - lamp.centre)) < r.radius;  // by the lamp's plane
     if ((!isNear && !cut) || r.partlyCovered || r.patch == kNone) return r.points;
-    if (morePoints.empty())
-      morePoints = positionsOn(facets_, patches_, r.patch, r.pieces.size() == 1 ? 36 : 64, r.seed);
+    if (morePoints.empty()) morePoints = positionsOn(facets_, patches_, r.patch, r.pieces.size() == 1 ? 36 : 64, r.seed);
     return morePoints;
   };
   const auto add = [&](const Lamp* lamp, const PunctualLight* light, const Rgb& irradiance) {
@@ -156,7 +160,8 @@ class DirectIrradiance::Visibility {
     if (source.light != nullptr)
       packet_.endNowhere(lane, source.shift);
     else
-      packet_.endOn(lane, *source.lamp, source.lamp->area * maxChannel(source.lamp->emission) / (kPi * source.weight), source.shift);
+      packet_.endOn(lane, *source.lamp, source.lamp->area * maxChannel(source.lamp->emission) / (kPi * source.weight),
+                    source.shift);
   }
 
   // The first `count` lanes trace points `first` and following of the sequence; calls of(lane, kernel, visible) for those
@@ -209,7 +214,8 @@ class DirectIrradiance::Visibility {
   void aimAtLight(uint32_t k) {
     const PunctualLight& light = *at_[k]->light;
     const Vec3 p = originOf(k), normal = packet_.normalAt(k);
-    packet_.kernel[k] = static_cast<float>(maxChannel(unoccludedIrradiance(light, all_.facets_.frame.toScene(p), normal)) / at_[k]->weight);
+    packet_.kernel[k] =
+        static_cast<float>(maxChannel(unoccludedIrradiance(light, all_.facets_.frame.toScene(p), normal)) / at_[k]->weight);
     const Vec3 to = wayTo(light, p, all_.facets_.frame);
     packet_.rays.set(k, p, to);
   }
@@ -402,8 +408,7 @@ DirectLight DirectIrradiance::compute(const std::vector<double>& exposed, const 
   return result;
 }
 
-DirectIrradiance::Estimate DirectIrradiance::at(const Vec3& point, const Vec3& normal, uint32_t rays,
-                                                uint64_t seed) const {
+DirectIrradiance::Estimate DirectIrradiance::at(const Vec3& point, const Vec3& normal, uint32_t rays, uint64_t seed) const {
   Receiver r;
   r.normal = normal;
   r.centre = point;

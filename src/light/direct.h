@@ -18,10 +18,10 @@ struct DirectOptions {
 
 // Light that reaches patches without F.
 struct DirectLight {
-  std::vector<Rgb> irradiance;    // [patches] D [flux per area]; empty: none
-  std::vector<Rgb> deviation;     // [patches] standard error by shadow rays, from a few differences: rough by itself
-  std::vector<uint8_t> apart;     // [patches] 1: the patch's own emission is in D, so that F carries what it reflects
-  size_t rays = 0;                // shadow rays traced
+  std::vector<Rgb> irradiance;  // [patches] D [flux per area]; empty: none
+  std::vector<Rgb> deviation;   // [patches] standard error by shadow rays, from a few differences: rough by itself
+  std::vector<uint8_t> apart;   // [patches] 1: the patch's own emission is in D, so that F carries what it reflects
+  size_t rays = 0;              // shadow rays traced
 
   bool present() const { return !irradiance.empty(); }
   bool isApart(size_t patch) const { return !apart.empty() && apart[patch] != 0; }
@@ -30,7 +30,8 @@ struct DirectLight {
 // D_i = sum over sources of U x sum(k V) / sum(k): U the unoccluded irradiance, the mean of the closed form (Lambert's
 // contour sum; the inverse square law for punctual lights) over Gauss points of the patch; k the point-to-point kernel
 // and V the visibility of S low-discrepancy pairs of points on patch and source, shared out by U. A visible share not
-// weighted by k would count the horizon twice. To an image of a lamp V is along the way over its mirrors. Where an object stands on a patch only its exposed part counts.
+// weighted by k would count the horizon twice. To an image of a lamp V is along the way over its mirrors. Where an object stands on
+// a patch only its exposed part counts.
 class DirectIrradiance {
  public:
   DirectIrradiance(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, std::span<const Lamp> lamps,
@@ -38,7 +39,8 @@ class DirectIrradiance {
 
   // `exposed` as in RowShares, per patch. `done` is called now and then, by the caller's thread, with a number that rises to
   // twice that of patches: penumbras are looked at again.
-  DirectLight compute(const std::vector<double>& exposed, const std::function<void(size_t)>& done = [](size_t) {}) const;
+  DirectLight compute(
+      const std::vector<double>& exposed, const std::function<void(size_t)>& done = [](size_t) {}) const;
 
   struct Estimate {
     Rgb irradiance{0};
@@ -55,7 +57,7 @@ class DirectIrradiance {
   class Visibility;
   Estimate gather(const Receiver& receiver, uint32_t rays) const;
   Receiver receiverOf(uint32_t patch, double exposed) const;
-  std::vector<uint32_t> neighboursOf(uint32_t patch) const;  // in the cells of its facet, near enough to share a penumbra
+  std::vector<uint32_t> neighboursOf(uint32_t patch) const;       // in the cells of its facet, near enough to share a penumbra
   std::vector<Source> sourcesOf(const Receiver& receiver) const;  // that reach it unless something stands between
 
   const Tracer& tracer_;

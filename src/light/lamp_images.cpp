@@ -10,7 +10,8 @@ bool reaches(const std::vector<Vec3>& polygon, const Vec3& normal, double distan
 }
 
 bool reaches(const PlanarMirror& mirror, const Vec3& normal, double distance) {
-  return std::any_of(mirror.outlines.begin(), mirror.outlines.end(), [&](const std::vector<Vec3>& o) { return reaches(o, normal, distance); });
+  return std::any_of(mirror.outlines.begin(), mirror.outlines.end(),
+                     [&](const std::vector<Vec3>& o) { return reaches(o, normal, distance); });
 }
 
 Lamp imageOf(const Lamp& lamp, const PlanarMirror& mirror) {
@@ -22,15 +23,11 @@ Lamp imageOf(const Lamp& lamp, const PlanarMirror& mirror) {
   image.emission *= mirror.reflectance;
   return image;
 }
-bool isBefore(const Lamp& lamp, const PlanarMirror& mirror) {
-  return reaches(lamp.polygon, mirror.normal, mirror.distance);
-}
+bool isBefore(const Lamp& lamp, const PlanarMirror& mirror) { return reaches(lamp.polygon, mirror.normal, mirror.distance); }
 bool shinesOn(const Lamp& lamp, const PlanarMirror& mirror) {
   return reaches(mirror, lamp.normal, glm::dot(lamp.normal, lamp.centre));
 }
-double strength(const Lamp& lamp) {
-  return maxChannel(lamp.emission);
-}
+double strength(const Lamp& lamp) { return maxChannel(lamp.emission); }
 
 // A punctual light, its position in unit coordinates.
 struct LightAt {
@@ -46,17 +43,15 @@ LightAt imageOf(const LightAt& from, const PlanarMirror& mirror) {
   return image;
 }
 bool isBefore(const LightAt& from, const PlanarMirror& mirror) {
-  return from.light.kind == PunctualLight::Kind::directional ? glm::dot(from.light.direction, mirror.normal) < 0 : mirror.height(from.position) > kInPlane;
+  return from.light.kind == PunctualLight::Kind::directional ? glm::dot(from.light.direction, mirror.normal) < 0
+                                                             : mirror.height(from.position) > kInPlane;
 }
-bool shinesOn(const LightAt&, const PlanarMirror&) {
-  return true;
-}
-double strength(const LightAt& from) {
-  return maxChannel(from.light.intensity);
-}
+bool shinesOn(const LightAt&, const PlanarMirror&) { return true; }
+double strength(const LightAt& from) { return maxChannel(from.light.intensity); }
 
 template <typename Source>
-std::optional<std::vector<Source>> imagesOf(std::span<const Source> sources, const PlanarMirrors& mirrors, const TreeLimits& limits, size_t most) {
+std::optional<std::vector<Source>> imagesOf(std::span<const Source> sources, const PlanarMirrors& mirrors, const TreeLimits& limits,
+                                            size_t most) {
   if (mirrors.clearSurface() != kNone || mirrors.tooMany()) return std::nullopt;
   std::vector<Source> images;
   const auto grow = [&](const Source& source, double full) {
@@ -91,12 +86,13 @@ std::optional<std::vector<Source>> imagesOf(std::span<const Source> sources, con
 
 }  // namespace
 
-std::optional<std::vector<Lamp>> lampImages(std::span<const Lamp> lamps, const PlanarMirrors& mirrors, const TreeLimits& limits, size_t most) {
+std::optional<std::vector<Lamp>> lampImages(std::span<const Lamp> lamps, const PlanarMirrors& mirrors, const TreeLimits& limits,
+                                            size_t most) {
   return imagesOf(lamps, mirrors, limits, most);
 }
 
-std::optional<std::vector<PunctualLight>> lightImages(std::span<const PunctualLight> lights, const Frame& frame, const PlanarMirrors& mirrors, const TreeLimits& limits,
-                                                      size_t most) {
+std::optional<std::vector<PunctualLight>> lightImages(std::span<const PunctualLight> lights, const Frame& frame,
+                                                      const PlanarMirrors& mirrors, const TreeLimits& limits, size_t most) {
   std::vector<LightAt> sources;
   for (const PunctualLight& light : lights) sources.push_back({light, frame.toUnit(light.position), {}});
   auto images = imagesOf(std::span<const LightAt>(sources), mirrors, limits, most);

@@ -78,14 +78,12 @@ std::vector<Emitter> findEmitters(const FacetSet& facets, const PatchSet& patche
         std::vector<Vec3> polygon = {corner(0, 0), corner(1, 0)};
         if (facet.parallelogram) polygon.push_back(corner(1, 1));
         polygon.push_back(corner(0, 1));
-        e.lamps.push_back(
-            lampOf(std::move(polygon), facet.normal, patches.patches[patches.cellMap[c]].emission, side));
+        e.lamps.push_back(lampOf(std::move(polygon), facet.normal, patches.patches[patches.cellMap[c]].emission, side));
       }
     }
     emitters.push_back(std::move(e));
   }
-  std::stable_sort(emitters.begin(), emitters.end(),
-                   [](const Emitter& a, const Emitter& b) { return a.brightest > b.brightest; });
+  std::stable_sort(emitters.begin(), emitters.end(), [](const Emitter& a, const Emitter& b) { return a.brightest > b.brightest; });
   return emitters;
 }
 
@@ -125,8 +123,9 @@ LampPlan chooseLamps(const FacetSet& facets, const PatchSet& patches, const Lamp
     leftSquares -= e.squares / area;
     apartVariance += (e.flux / area) * (e.flux / area) * kPenumbra * budget.samplesPerRow / budget.shadowRays;
     const double left = std::max(0.0, leftSquares - leftFlux * leftFlux);
-    const double product = (left + background + apartVariance) * (budget.secondsPerRow + static_cast<double>(lamps) * kSecondsPerLamp +
-                                                                  budget.shadowRays * kSecondsPerRay);
+    const double product =
+        (left + background + apartVariance) *
+        (budget.secondsPerRow + static_cast<double>(lamps) * kSecondsPerLamp + budget.shadowRays * kSecondsPerRay);
     // Emitters of one brightness go together: a set that ends between two of them is not a better choice.
     const bool endsGroup = k + 1 == emitters.size() || emitters[k + 1].brightest < 0.99 * e.brightest;
     if (endsGroup && product < lowest) {
@@ -142,9 +141,10 @@ LampPlan chooseLamps(const FacetSet& facets, const PatchSet& patches, const Lamp
   }
   plan.why = best > 0 ? fmt::format("{} of {} emitters apart ({:.2g} % of the area): predicted variance x time {:.2g} of all in F",
                                     plan.lamps.size(), plan.emitters, 100 * apartArea / area, lowest / before)
-                      : fmt::format("all {} emitters in F: {:.2g} % of the area emits, which rows sample well",
-                                    plan.emitters, 100 * std::accumulate(emitters.begin(), emitters.end(), 0.0,
-                                                                         [](double a, const Emitter& e) { return a + e.area; }) / area);
+                      : fmt::format("all {} emitters in F: {:.2g} % of the area emits, which rows sample well", plan.emitters,
+                                    100 * std::accumulate(emitters.begin(), emitters.end(), 0.0, [](double a, const Emitter& e) {
+                                      return a + e.area;
+                                    }) / area);
   return plan;
 }
 

@@ -14,10 +14,10 @@ namespace farol {
 struct Lamp {
   std::vector<Vec3> polygon;  // counter-clockwise from the side that emits [unit coordinates]
   Vec3 normal{0}, centre{0};
-  double area = 0;    // [unit coordinates squared]
-  double radius = 0;  // around the centre [unit coordinates]
-  Rgb emission{0};    // exitance E [flux per area]
-  uint32_t facet = 0;  // that it is, or is a cell of
+  double area = 0;                // [unit coordinates squared]
+  double radius = 0;              // around the centre [unit coordinates]
+  Rgb emission{0};                // exitance E [flux per area]
+  uint32_t facet = 0;             // that it is, or is a cell of
   std::vector<uint32_t> mirrors;  // of an image: those on the way to the lamp (lamp_images.h)
 };
 
@@ -30,9 +30,9 @@ struct LampPlan {
 
 // What a row costs and samples, for the prediction.
 struct LampBudget {
-  double samplesPerRow = 256;   // rays or pixels
+  double samplesPerRow = 256;  // rays or pixels
   double secondsPerRow = 8e-6;
-  double shadowRays = 64;       // per patch
+  double shadowRays = 64;  // per patch
 };
 
 // Emitters go apart from the brightest down as long as that makes (predicted variance of H) x (time per patch) smaller.

@@ -10,7 +10,8 @@ namespace {
 FAROL_CLONES
 #endif
 void drawColumn(const uint32_t* numbers, const uint32_t* shift, float* x) {
-  for (uint32_t k = 0; k < kPacketSize; ++k) x[k] = static_cast<float>(static_cast<int32_t>((numbers[k] + shift[k]) >> 8)) * 0x1p-24f;
+  for (uint32_t k = 0; k < kPacketSize; ++k)
+    x[k] = static_cast<float>(static_cast<int32_t>((numbers[k] + shift[k]) >> 8)) * 0x1p-24f;
 }
 
 // Triangles are half of a parallelogram: points of the other half are turned over.
@@ -30,7 +31,8 @@ ShadowPoints::ShadowPoints(uint32_t n) : count(n) {
   }
 }
 
-void ShadowPacket::set(Side& side, uint32_t lane, const Vec3& origin, const Vec3& u, const Vec3& v, const Vec3& normal, double offset, bool triangle) {
+void ShadowPacket::set(Side& side, uint32_t lane, const Vec3& origin, const Vec3& u, const Vec3& v, const Vec3& normal,
+                       double offset, bool triangle) {
   for (int c = 0; c < 3; ++c) {
     side.origin[c][lane] = static_cast<float>(origin[c]);
     side.u[c][lane] = static_cast<float>(u[c]);

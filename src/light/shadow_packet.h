@@ -17,7 +17,7 @@ struct ShadowPoints {
 
 class ShadowPacket {
  public:
-  RayPacket rays;                     // from the receiver to the source: direction times one
+  RayPacket rays;  // from the receiver to the source: direction times one
   // cos cos / r^2 x `scale` [unit coordinates squared]: with area / pi of the lamp its mean is the form factor to the lamp. 0: one
   // end does not see the other's front.
   alignas(64) float kernel[kPacketSize];
@@ -43,7 +43,8 @@ class ShadowPacket {
   struct alignas(64) Side {  // a flat piece: its corner, sides, normal and the step off it
     Lanes origin[3], u[3], v[3], normal[3], step[3], folds;
   };
-  void set(Side& side, uint32_t lane, const Vec3& origin, const Vec3& u, const Vec3& v, const Vec3& normal, double offset, bool triangle);
+  void set(Side& side, uint32_t lane, const Vec3& origin, const Vec3& u, const Vec3& v, const Vec3& normal, double offset,
+           bool triangle);
 
   Side from_{}, to_{};  // to_.origin is relative to from_.origin
   Vec3 start_[kPacketSize];

@@ -11,8 +11,9 @@
 namespace farol {
 namespace {
 
-constexpr size_t kRounds = 4;            // their differences tell the error of all
-constexpr size_t kRaysPerTask = 1u << 10, kTasksAtOnce = 64;  // what arrives waits to be added up: 100 MB where rays meet fifty mirrors
+constexpr size_t kRounds = 4;  // their differences tell the error of all
+constexpr size_t kRaysPerTask = 1u << 10,
+                 kTasksAtOnce = 64;  // what arrives waits to be added up: 100 MB where rays meet fifty mirrors
 
 // Where rays start, and with what power.
 struct Origin {
@@ -25,7 +26,7 @@ struct Origin {
 };
 
 struct Start {
-  Rgb weight;       // of a ray, in shares of its power
+  Rgb weight;  // of a ray, in shares of its power
   uint32_t medium;
   const PunctualLight* light;
 };
@@ -33,7 +34,8 @@ struct Start {
 // All that shines, and where the rays of a sequence in four dimensions start on it.
 class Origins {
  public:
-  Origins(const FacetSet& facets, const PatchSet& patches, const RayTree& tree, std::span<const uint8_t> apart, std::span<const PunctualLight> lights, uint64_t seed)
+  Origins(const FacetSet& facets, const PatchSet& patches, const RayTree& tree, std::span<const uint8_t> apart,
+          std::span<const PunctualLight> lights, uint64_t seed)
       : frame_(facets.frame) {
     const auto add = [&](Origin origin, const Rgb& power) {
       if (maxChannel(power) <= 0) return;
@@ -44,7 +46,8 @@ class Origins {
     for (uint32_t i = 0; i < patches.size(); ++i) {
       if (apart[i] == 0) continue;
       for (const Piece& piece : piecesOf(facets, patches, i))
-        add({.piece = piece, .medium = tree.mediumBehind(i), .offset = facets.facets[piece.facet].rayOffset}, piece.area * patches.patches[i].emission);
+        add({.piece = piece, .medium = tree.mediumBehind(i), .offset = facets.facets[piece.facet].rayOffset},
+            piece.area * patches.patches[i].emission);
     }
     for (const PunctualLight& light : lights) add({.piece = {}, .light = &light}, spread(light) * light.intensity);
     for (size_t d = 0; d < shift_.size(); ++d) shift_[d] = static_cast<uint32_t>(mixBits(mixBits(seed) + d));
@@ -57,7 +60,8 @@ class Origins {
     std::array<double, 4> u;
     for (size_t d = 0; d < u.size(); ++d) u[d] = (x[d] ^ shift_[d]) * 0x1p-32 + 0x1p-33;
     // The first number chooses the origin and is spread over [0,1) again.
-    const auto at = std::upper_bound(all_.begin(), all_.end() - 1, u[0] * power_, [](double p, const Origin& o) { return p < o.powerTo; });
+    const auto at =
+        std::upper_bound(all_.begin(), all_.end() - 1, u[0] * power_, [](double p, const Origin& o) { return p < o.powerTo; });
     const double before = at == all_.begin() ? 0 : (at - 1)->powerTo;
     u[0] = std::clamp((u[0] * power_ - before) / (at->powerTo - before), 0.0, 1.0);
     return at->light != nullptr ? fromLight(*at, u, packet, lane) : fromPiece(*at, u, packet, lane);
@@ -66,12 +70,15 @@ class Origins {
  private:
   static constexpr double kRadius = 0.5 + 1e-6;  // of any scene [unit coordinates]
 
-  // What times its intensity is a light's power: the solid angle of its cone, or the area of a disc that covers the scene [scene units squared].
+  // What times its intensity is a light's power: the solid angle of its cone, or the area of a disc that covers the scene [scene
+  // units squared].
   double spread(const PunctualLight& light) const {
     if (light.kind == PunctualLight::Kind::directional) return kPi * std::pow(kRadius * frame_.size, 2);
     return 2 * kPi * (1 - lowestCosine(light));
   }
-  static double lowestCosine(const PunctualLight& light) { return light.kind == PunctualLight::Kind::spot ? std::cos(light.outerCone) : -1; }
+  static double lowestCosine(const PunctualLight& light) {
+    return light.kind == PunctualLight::Kind::spot ? std::cos(light.outerCone) : -1;
+  }
 
   // Evenly over the area, by the cosine.
   static Start fromPiece(const Origin& o, std::array<double, 4> u, RayPacket& packet, uint32_t lane) {
@@ -82,7 +89,8 @@ class Origins {
     const Vec3& n = o.piece.normal;
     const Vec3 s = anyPerpendicular(n), t = glm::cross(n, s);
     const double r = std::sqrt(u[2]), angle = 2 * kPi * u[3];
-    packet.set(lane, o.piece.at(u[0], u[1]) + o.offset * n, r * std::cos(angle) * s + r * std::sin(angle) * t + std::sqrt(1 - u[2]) * n);
+    packet.set(lane, o.piece.at(u[0], u[1]) + o.offset * n,
+               r * std::cos(angle) * s + r * std::sin(angle) * t + std::sqrt(1 - u[2]) * n);
     return {o.colour, o.medium, nullptr};
   }
 
@@ -120,8 +128,9 @@ struct Arrivals : PathSink {
 }  // namespace
 
 SpecularLight traceSpecularLight(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, const RayTree& tree,
-                                 std::span<const uint8_t> apart, std::span<const PunctualLight> lights, std::span<const double> exposed,
-                                 size_t rays, uint64_t seed, const std::function<void(double)>& done) {
+                                 std::span<const uint8_t> apart, std::span<const PunctualLight> lights,
+                                 std::span<const double> exposed, size_t rays, uint64_t seed,
+                                 const std::function<void(double)>& done) {
   const Origins origins(facets, patches, tree, apart, lights, seed);
   SpecularLight light;
   light.irradiance.assign(patches.size(), Rgb(0));
@@ -154,7 +163,8 @@ SpecularLight traceSpecularLight(const Tracer& tracer, const FacetSet& facets, c
         const double distance = glm::distance(point, Vec3(packet.ox[l], packet.oy[l], packet.oz[l]));
         Rgb weight = start.weight * tree.passed(start.medium, distance);
         if (start.light != nullptr) weight *= rangeShare(*start.light, distance * facets.frame.size);
-        specular.push_back({point, glm::normalize(Vec3(packet.dx[l], packet.dy[l], packet.dz[l])), weight, facet, patch, back, start.medium, 0});
+        specular.push_back(
+            {point, glm::normalize(Vec3(packet.dx[l], packet.dy[l], packet.dz[l])), weight, facet, patch, back, start.medium, 0});
       }
     }
     tree.follow(specular, met, ends);
@@ -165,7 +175,8 @@ SpecularLight traceSpecularLight(const Tracer& tracer, const FacetSet& facets, c
   for (size_t round = 0; round < kRounds; ++round) {
     std::vector<Rgb> sums(patches.size(), Rgb(0));
     for (size_t first = 0; first < perRound; first += kTasksAtOnce * kRaysPerTask) {
-      const size_t end = std::min(perRound, first + kTasksAtOnce * kRaysPerTask), tasks = (end - first + kRaysPerTask - 1) / kRaysPerTask;
+      const size_t end = std::min(perRound, first + kTasksAtOnce * kRaysPerTask),
+                   tasks = (end - first + kRaysPerTask - 1) / kRaysPerTask;
       std::vector<std::vector<Arrival>> arrivals(tasks);
       tbb::parallel_for(size_t{0}, tasks, [&](size_t task) {
         const size_t begin = first + task * kRaysPerTask;
@@ -184,7 +195,8 @@ SpecularLight traceSpecularLight(const Tracer& tracer, const FacetSet& facets, c
     }
   }
   for (size_t i = 0; i < squares.size(); ++i) {
-    const Rgb spread = glm::max(Rgb(0), squares[i] - double{kRounds} * light.irradiance[i] * light.irradiance[i]) / double{kRounds - 1};
+    const Rgb spread =
+        glm::max(Rgb(0), squares[i] - double{kRounds} * light.irradiance[i] * light.irradiance[i]) / double{kRounds - 1};
     light.deviation[i] = glm::sqrt(spread) * std::pow(double{kRounds}, -kSampleOrder);
   }
   return light;

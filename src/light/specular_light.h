@@ -22,8 +22,8 @@ struct SpecularLight {
 // RowShares, per patch. `done` is called now and then, by the caller's thread, with the share that is done. The same for any
 // number of threads.
 SpecularLight traceSpecularLight(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, const RayTree& tree,
-                                 std::span<const uint8_t> apart, std::span<const PunctualLight> lights, std::span<const double> exposed,
-                                 size_t rays, uint64_t seed,
+                                 std::span<const uint8_t> apart, std::span<const PunctualLight> lights,
+                                 std::span<const double> exposed, size_t rays, uint64_t seed,
                                  const std::function<void(double)>& done);
 
 }  // namespace farol

@@ -81,7 +81,9 @@ void writeFactorsNpz(const std::string& path, const FormFactorMatrix& f, const P
     correction.push_back(s.correction);
   }
   ZipWriter archive;
-  const auto add = [&](const std::string& name, const NpyHeader& header, const std::string& data) { archive.add(name + ".npy", npyHeader(header) + data); };
+  const auto add = [&](const std::string& name, const NpyHeader& header, const std::string& data) {
+    archive.add(name + ".npy", npyHeader(header) + data);
+  };
   const auto numbers = [&](const char* name, const std::vector<double>& v) { add(name, {"<f8", {v.size()}}, bytesOf(v)); };
   const auto text = [&](const char* name, const std::string& t) { add(name, {fmt::format("|S{}", t.size()), {}}, t); };
   // Some rows of a matrix in CSR form.
@@ -205,7 +207,8 @@ struct FactorArchive::Impl {
   template <typename T>
   std::vector<T> some(const std::string& name, const char* descr, uint64_t most) const {
     Array a = open(name);
-    if (a.header.shape.size() != 1 || a.header.shape[0] > most) throw Error("{}: member {} does not hold at most {} values", path, a.name, most);
+    if (a.header.shape.size() != 1 || a.header.shape[0] > most)
+      throw Error("{}: member {} does not hold at most {} values", path, a.name, most);
     const std::span<const T> values = valuesOf<T>(a, descr, a.header.shape[0]);
     return {values.begin(), values.end()};
   }
@@ -228,7 +231,8 @@ FactorArchive::FactorArchive(const std::string& path) : impl_(std::make_unique<I
   about.method = impl_->text("farol_method");
   about.seed = impl_->array<uint64_t>("farol_seed", "<u8", 1)[0];
   auto options = impl_->some<double>("farol_patch_options", "<f8", 3);
-  const bool sensible = options.size() >= 2 && options[0] >= 1 && options[0] <= 1e10 && options[1] >= 0 && options[1] < 1e300 && (options.size() < 3 || (options[2] >= 0 && options[2] <= 60));
+  const bool sensible = options.size() >= 2 && options[0] >= 1 && options[0] <= 1e10 && options[1] >= 0 && options[1] < 1e300 &&
+                        (options.size() < 3 || (options[2] >= 0 && options[2] <= 60));
   if (!sensible) throw Error("{}: patch options are not possible: a count, a size, degrees of clusters", path);
   options.resize(3, 0.0);  // older files know of no clusters
   about.patches = {static_cast<size_t>(options[0]), options[1]};
@@ -239,9 +243,7 @@ FactorArchive::FactorArchive(const std::string& path) : impl_(std::make_unique<I
 }
 FactorArchive::~FactorArchive() = default;
 
-const KeptFactors& FactorArchive::about() const {
-  return impl_->about;
-}
+const KeptFactors& FactorArchive::about() const { return impl_->about; }
 
 void FactorArchive::requireSame(const Fingerprint& scene, const std::string& scenePath) const {
   const Fingerprint& kept = impl_->about.fingerprint;
@@ -333,7 +335,8 @@ void FactorArchive::loadRows(FormFactorMatrix& to, int c, const std::string& pre
   if (wide) {
     const auto wideIds = a.valuesOf<int64_t>(indices, "<i8", entries);
     const auto narrow = std::make_shared<std::vector<uint32_t>>(entries);
-    std::transform(wideIds.begin(), wideIds.end(), narrow->begin(), [](int64_t j) { return static_cast<uint32_t>(std::clamp<int64_t>(j, 0, INT32_MAX)); });
+    std::transform(wideIds.begin(), wideIds.end(), narrow->begin(),
+                   [](int64_t j) { return static_cast<uint32_t>(std::clamp<int64_t>(j, 0, INT32_MAX)); });
     indices.data.owner = narrow;
     ids = *narrow;
   } else {
@@ -345,7 +348,8 @@ void FactorArchive::loadRows(FormFactorMatrix& to, int c, const std::string& pre
     const auto at = static_cast<size_t>(starts[k]), length = static_cast<size_t>(starts[k + 1] - starts[k]);
     const auto rowIds = ids.subspan(at, length);
     const auto rowValues = values.subspan(at, length);
-    if (!ascending(rowIds, patches) || !possible(rowValues)) throw Error("{}: row {} has an entry outside the matrix or outside [0, {}]", a.path, rows[k], kMostFactor);
+    if (!ascending(rowIds, patches) || !possible(rowValues))
+      throw Error("{}: row {} has an entry outside the matrix or outside [0, {}]", a.path, rows[k], kMostFactor);
     if (f.worthAList(length))
       f.borrow(rows[k], rowIds, rowValues, owner);
     else

@@ -14,8 +14,7 @@ void writeFactorsNpy(const std::string& path, const FormFactorMatrix& f) {
   file.stream() << npyHeader({"<f4", {f.size(), f.size()}});
   for (size_t i = 0; i < f.size(); ++i) {
     const std::vector<float> row = f[i].expanded();
-    file.stream().write(reinterpret_cast<const char*>(row.data()),
-                        static_cast<std::streamsize>(row.size() * sizeof(float)));
+    file.stream().write(reinterpret_cast<const char*>(row.data()), static_cast<std::streamsize>(row.size() * sizeof(float)));
   }
   file.commit();
 }
@@ -52,8 +51,8 @@ FormFactorMatrix loadFactorsNpy(const std::string& path, size_t patches) {
   if (!file || !parseNpyDictionary(dictionary, header) || header.descr != "<f4" || header.shape.size() != 2)
     throw Error("{}: not a matrix of little-endian float32 in rows", path);
   if (header.shape[0] != patches || header.shape[1] != patches) {
-    throw Error("{}: holds {} x {} factors, the scene has {} patches with these options", path, header.shape[0],
-                header.shape[1], patches);
+    throw Error("{}: holds {} x {} factors, the scene has {} patches with these options", path, header.shape[0], header.shape[1],
+                patches);
   }
   FormFactorMatrix f(patches);
   for (uint32_t i = 0; i < patches; ++i) {

@@ -65,13 +65,11 @@ class LitGlb {
     addCameras(nodes, roots, document);
     document["asset"] = {{"version", "2.0"}, {"generator", "farol"}};
     document["extensionsUsed"] = {"KHR_materials_unlit"};
-    document["materials"] =
-        json::array({{{"name", "lit"},
-                      {"extensions", {{"KHR_materials_unlit", json::object()}}},
-                      {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 1}}, {"metallicFactor", 0}}}}});
+    document["materials"] = json::array({{{"name", "lit"},
+                                          {"extensions", {{"KHR_materials_unlit", json::object()}}},
+                                          {"pbrMetallicRoughness", {{"baseColorFactor", {1, 1, 1, 1}}, {"metallicFactor", 0}}}}});
     document["scene"] = 0;
-    document["scenes"] =
-        json::array({{{"nodes", roots}, {"extras", {{"scale", scale}, {"color", "COLOR_0 = scale * B / pi"}}}}});
+    document["scenes"] = json::array({{{"nodes", roots}, {"extras", {{"scale", scale}, {"color", "COLOR_0 = scale * B / pi"}}}}});
     document["nodes"] = nodes;
     document["meshes"] = meshes;
     document["accessors"] = accessors_;
@@ -117,10 +115,8 @@ class LitGlb {
     binary_.append(reinterpret_cast<const char*>(data.data()), bytes);
     views_.push_back({{"buffer", 0}, {"byteOffset", offset}, {"byteLength", bytes}, {"target", target}});
     const size_t per = std::string_view(type) == "VEC3" ? 3 : 1;
-    json accessor = {{"bufferView", views_.size() - 1},
-                     {"componentType", componentType},
-                     {"type", type},
-                     {"count", data.size() / per}};
+    json accessor = {
+        {"bufferView", views_.size() - 1}, {"componentType", componentType}, {"type", type}, {"count", data.size() / per}};
     if (bounds) {
       std::array<T, 3> low, high;
       low.fill(std::numeric_limits<T>::max());
@@ -139,22 +135,21 @@ class LitGlb {
   void addCameras(json& nodes, json& roots, json& document) const {
     for (const Camera& camera : scene_.cameras) {
       const Vec3 right = glm::cross(camera.forward, camera.up), back = -camera.forward;
-      const json lens =
-          camera.orthographic
-              ? json{{"type", "orthographic"},
-                     {"orthographic",
-                      {{"xmag", camera.halfWidth},
-                       {"ymag", camera.halfHeight},
-                       {"znear", 1e-3 * facets_.frame.size},
-                       {"zfar", 10 * facets_.frame.size}}}}
-              : json{{"type", "perspective"},
-                     {"perspective", {{"yfov", camera.verticalFov}, {"znear", 1e-3 * facets_.frame.size}}}};
+      const json lens = camera.orthographic
+                            ? json{{"type", "orthographic"},
+                                   {"orthographic",
+                                    {{"xmag", camera.halfWidth},
+                                     {"ymag", camera.halfHeight},
+                                     {"znear", 1e-3 * facets_.frame.size},
+                                     {"zfar", 10 * facets_.frame.size}}}}
+                            : json{{"type", "perspective"},
+                                   {"perspective", {{"yfov", camera.verticalFov}, {"znear", 1e-3 * facets_.frame.size}}}};
       roots.push_back(nodes.size());
       nodes.push_back({{"name", camera.name},
                        {"camera", document["cameras"].size()},
                        {"matrix",
-                        {right.x, right.y, right.z, 0, camera.up.x, camera.up.y, camera.up.z, 0, back.x, back.y, back.z,
-                         0, camera.position.x, camera.position.y, camera.position.z, 1}}});
+                        {right.x, right.y, right.z, 0, camera.up.x, camera.up.y, camera.up.z, 0, back.x, back.y, back.z, 0,
+                         camera.position.x, camera.position.y, camera.position.z, 1}}});
       document["cameras"].push_back(lens);
     }
   }

@@ -25,8 +25,8 @@ zip_int64_t readView(void* state, void* data, zip_uint64_t length, zip_source_cm
   auto& view = *static_cast<View*>(state);
   switch (command) {
     case ZIP_SOURCE_SUPPORTS:
-      return zip_source_make_command_bitmap(ZIP_SOURCE_OPEN, ZIP_SOURCE_READ, ZIP_SOURCE_CLOSE, ZIP_SOURCE_STAT, ZIP_SOURCE_ERROR, ZIP_SOURCE_FREE,
-                                            ZIP_SOURCE_SEEK, ZIP_SOURCE_TELL, ZIP_SOURCE_SUPPORTS, -1);
+      return zip_source_make_command_bitmap(ZIP_SOURCE_OPEN, ZIP_SOURCE_READ, ZIP_SOURCE_CLOSE, ZIP_SOURCE_STAT, ZIP_SOURCE_ERROR,
+                                            ZIP_SOURCE_FREE, ZIP_SOURCE_SEEK, ZIP_SOURCE_TELL, ZIP_SOURCE_SUPPORTS, -1);
     case ZIP_SOURCE_OPEN:
       view.at = 0;
       return 0;
@@ -95,13 +95,9 @@ struct MappedZip::Impl {
 MappedZip::MappedZip(const std::string& path) : impl_(std::make_unique<Impl>(path)) {}
 MappedZip::~MappedZip() = default;
 
-const std::string& MappedZip::path() const {
-  return impl_->path;
-}
+const std::string& MappedZip::path() const { return impl_->path; }
 
-bool MappedZip::has(const std::string& member) const {
-  return zip_name_locate(impl_->archive, member.c_str(), 0) >= 0;
-}
+bool MappedZip::has(const std::string& member) const { return zip_name_locate(impl_->archive, member.c_str(), 0) >= 0; }
 
 KeptBytes MappedZip::member(const std::string& name) const {
   Impl& a = *impl_;

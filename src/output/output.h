@@ -21,8 +21,7 @@ void writePatchesCsv(const std::string& path, const Scene& scene, const PatchSet
 
 // Mean factors between surfaces, weighted by exposed area: header "surface,area,<names...>,(open),(cut)"; what
 // black backs and solids take is in no column. Of coloured mirrors: red's factors.
-void writeFactorsBySurface(const std::string& path, const Scene& scene, const PatchSet& patches,
-                           const FormFactorMatrix& f);
+void writeFactorsBySurface(const std::string& path, const Scene& scene, const PatchSet& patches, const FormFactorMatrix& f);
 
 // F by patch: NumPy dense float32 [N x N], or MatrixMarket coordinates of the entries above 0.
 void writeFactorsNpy(const std::string& path, const FormFactorMatrix& f);

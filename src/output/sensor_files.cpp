@@ -82,15 +82,13 @@ std::vector<Sensor> loadSensors(const std::string& path) {
   return sensors;
 }
 
-void writeSensorReadings(const std::string& path, std::span<const Sensor> sensors,
-                         std::span<const SensorReading> readings) {
+void writeSensorReadings(const std::string& path, std::span<const Sensor> sensors, std::span<const SensorReading> readings) {
   OutputFile file(path);
   file.stream() << "x,y,z,nx,ny,nz,H_r,H_g,H_b,err\r\n";
   for (size_t k = 0; k < sensors.size(); ++k) {
     const Vec3 &p = sensors[k].position, &n = sensors[k].normal;
     const Rgb& h = readings[k].irradiance;
-    fmt::print(file.stream(), "{},{},{},{},{},{},{},{},{},{}\r\n", p.x, p.y, p.z, n.x, n.y, n.z, h.r, h.g, h.b,
-               readings[k].error);
+    fmt::print(file.stream(), "{},{},{},{},{},{},{},{},{},{}\r\n", p.x, p.y, p.z, n.x, n.y, n.z, h.r, h.g, h.b, readings[k].error);
   }
   file.commit();
 }

@@ -13,7 +13,6 @@ namespace farol {
 std::vector<Sensor> loadSensors(const std::string& path);
 
 // x,y,z,nx,ny,nz,H_r,H_g,H_b,err per sensor.
-void writeSensorReadings(const std::string& path, std::span<const Sensor> sensors,
-                         std::span<const SensorReading> readings);
+void writeSensorReadings(const std::string& path, std::span<const Sensor> sensors, std::span<const SensorReading> readings);
 
 }  // namespace farol

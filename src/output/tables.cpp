@@ -18,9 +18,7 @@ std::string csvField(const std::string& text) {
 }
 
 // A number after a comma.
-void append(std::string& line, double value) {
-  fmt::format_to(std::back_inserter(line), FMT_COMPILE(",{}"), value);
-}
+void append(std::string& line, double value) { fmt::format_to(std::back_inserter(line), FMT_COMPILE(",{}"), value); }
 void append(std::string& line, const Vec3& v) {
   for (int c = 0; c < 3; ++c) append(line, v[c]);
 }
@@ -52,8 +50,7 @@ void writePatchesCsv(const std::string& path, const Scene& scene, const PatchSet
   file.commit();
 }
 
-void writeFactorsBySurface(const std::string& path, const Scene& scene, const PatchSet& patches,
-                           const FormFactorMatrix& f) {
+void writeFactorsBySurface(const std::string& path, const Scene& scene, const PatchSet& patches, const FormFactorMatrix& f) {
   std::vector<std::string> names;
   std::map<std::pair<uint32_t, bool>, size_t> index;
   std::vector<size_t> surfaceOf;

@@ -60,10 +60,10 @@ zip_int64_t writeBlocks(void* state, void* data, zip_uint64_t length, zip_source
   };
   switch (command) {
     case ZIP_SOURCE_SUPPORTS:
-      return zip_source_make_command_bitmap(ZIP_SOURCE_OPEN, ZIP_SOURCE_READ, ZIP_SOURCE_CLOSE, ZIP_SOURCE_STAT, ZIP_SOURCE_ERROR, ZIP_SOURCE_FREE,
-                                            ZIP_SOURCE_SEEK, ZIP_SOURCE_TELL, ZIP_SOURCE_BEGIN_WRITE, ZIP_SOURCE_COMMIT_WRITE,
-                                            ZIP_SOURCE_ROLLBACK_WRITE, ZIP_SOURCE_REMOVE, ZIP_SOURCE_SEEK_WRITE, ZIP_SOURCE_SUPPORTS,
-                                            ZIP_SOURCE_TELL_WRITE, ZIP_SOURCE_WRITE, -1);
+      return zip_source_make_command_bitmap(
+          ZIP_SOURCE_OPEN, ZIP_SOURCE_READ, ZIP_SOURCE_CLOSE, ZIP_SOURCE_STAT, ZIP_SOURCE_ERROR, ZIP_SOURCE_FREE, ZIP_SOURCE_SEEK,
+          ZIP_SOURCE_TELL, ZIP_SOURCE_BEGIN_WRITE, ZIP_SOURCE_COMMIT_WRITE, ZIP_SOURCE_ROLLBACK_WRITE, ZIP_SOURCE_REMOVE,
+          ZIP_SOURCE_SEEK_WRITE, ZIP_SOURCE_SUPPORTS, ZIP_SOURCE_TELL_WRITE, ZIP_SOURCE_WRITE, -1);
     case ZIP_SOURCE_STAT: {  // a new file
       auto* stat = static_cast<zip_stat_t*>(data);
       zip_stat_init(stat);
@@ -99,7 +99,8 @@ struct ZipWriter::Member {
     auto& m = *static_cast<Member*>(state);
     switch (command) {
       case ZIP_SOURCE_SUPPORTS:
-        return zip_source_make_command_bitmap(ZIP_SOURCE_OPEN, ZIP_SOURCE_READ, ZIP_SOURCE_CLOSE, ZIP_SOURCE_STAT, ZIP_SOURCE_ERROR, ZIP_SOURCE_FREE, -1);
+        return zip_source_make_command_bitmap(ZIP_SOURCE_OPEN, ZIP_SOURCE_READ, ZIP_SOURCE_CLOSE, ZIP_SOURCE_STAT, ZIP_SOURCE_ERROR,
+                                              ZIP_SOURCE_FREE, -1);
       case ZIP_SOURCE_READ: {
         zip_uint64_t given = 0;
         while (given < length) {
@@ -164,15 +165,15 @@ void ZipWriter::write(const std::string& path) {
   for (const auto& m : members_) {
     zip_source_t* source = zip_source_function(archive, Member::read, m.get());
     const zip_int64_t at = source != nullptr ? zip_file_add(archive, m->name.c_str(), source, 0) : -1;
-    if (at < 0 || zip_set_file_compression(archive, static_cast<zip_uint64_t>(at), ZIP_CM_STORE, 0) != 0)
-      fail(m->name.c_str());
+    if (at < 0 || zip_set_file_compression(archive, static_cast<zip_uint64_t>(at), ZIP_CM_STORE, 0) != 0) fail(m->name.c_str());
     // Padded by an extra field as zipalign uses it. A local header has 30 bytes, its name, 20 bytes about sizes beyond 4 GiB, and
     // this.
     constexpr uint16_t kAlignment = 0xD935, kMultiple = 64, kFieldHead = 4;
     const uint64_t start = end + 30 + m->name.size() + 20 + kFieldHead;
     const std::string padding((kMultiple - start % kMultiple) % kMultiple, '\0');
-    if (zip_file_extra_field_set(archive, static_cast<zip_uint64_t>(at), kAlignment, ZIP_EXTRA_FIELD_NEW, reinterpret_cast<const zip_uint8_t*>(padding.data()),
-                                 static_cast<zip_uint16_t>(padding.size()), ZIP_FL_LOCAL) != 0)
+    if (zip_file_extra_field_set(archive, static_cast<zip_uint64_t>(at), kAlignment, ZIP_EXTRA_FIELD_NEW,
+                                 reinterpret_cast<const zip_uint8_t*>(padding.data()), static_cast<zip_uint16_t>(padding.size()),
+                                 ZIP_FL_LOCAL) != 0)
       fail(m->name.c_str());
     end = start + padding.size() + m->size;
   }

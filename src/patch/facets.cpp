@@ -135,8 +135,7 @@ class FacetBuilder {
     while (other.corners[far] == t.corners[kb] || other.corners[far] == t.corners[kc]) {
       if (++far == 3) return false;
     }
-    const Vec3 &a = point(t.corners[apex]), &b = point(t.corners[kb]), &c = point(t.corners[kc]),
-               &d = point(other.corners[far]);
+    const Vec3 &a = point(t.corners[apex]), &b = point(t.corners[kb]), &c = point(t.corners[kc]), &d = point(other.corners[far]);
     if (glm::distance(a + d, b + c) > kParallelogramTolerance * glm::distance(b, c)) return false;
     if (glm::dot(t.normal, other.normal) < 0) return false;
 
@@ -149,8 +148,7 @@ class FacetBuilder {
       return fits(values[v[1]], values[otherB]) && fits(values[v[3]], values[otherC]) &&
              fits(values[v[0]] + values[v[2]], values[v[1]] + values[v[3]]);
     };
-    if (scene_.materials[surface.material].textured() &&
-        !(affine(surface.texcoords[0]) && affine(surface.texcoords[1]))) {
+    if (scene_.materials[surface.material].textured() && !(affine(surface.texcoords[0]) && affine(surface.texcoords[1]))) {
       return false;
     }
     if (!affine(surface.colors)) return false;
@@ -198,8 +196,7 @@ double rayOffsetOf(const FacetSet& set, const Facet& f) {
 FacetSet buildFacets(const Scene& scene, Log& log) {
   FacetSet set = FacetBuilder(scene).run();
   for (Facet& f : set.facets) f.rayOffset = rayOffsetOf(set, f);
-  if (set.facets.empty())
-    throw Error("{}: the scene is empty: all {} triangles are degenerate", scene.path, set.degenerate);
+  if (set.facets.empty()) throw Error("{}: the scene is empty: all {} triangles are degenerate", scene.path, set.degenerate);
   if (set.degenerate > 0)
     log.warn({"degenerate-triangles", fmt::format("{} degenerate triangles (no area, or slivers) were left out", set.degenerate)});
   if (set.duplicate > 0) log.warn({"duplicate-triangles", fmt::format("{} duplicate triangles were left out", set.duplicate)});
@@ -208,9 +205,7 @@ FacetSet buildFacets(const Scene& scene, Log& log) {
 
 PointAttributes attributesAt(const Surface& surface, const Facet& facet, double u, double v) {
   const uint32_t o = facet.vertices[0], pu = facet.vertices[1], pv = facet.vertices[facet.parallelogram ? 3 : 2];
-  const auto blend = [&](const auto& values) {
-    return values[o] + u * (values[pu] - values[o]) + v * (values[pv] - values[o]);
-  };
+  const auto blend = [&](const auto& values) { return values[o] + u * (values[pu] - values[o]) + v * (values[pv] - values[o]); };
   PointAttributes at;
   for (size_t set = 0; set < 2; ++set) {
     if (!surface.texcoords[set].empty()) at.uv[set] = blend(surface.texcoords[set]);

@@ -69,7 +69,8 @@ std::vector<Overlap> findOverlaps(const FacetSet& facets, size_t most) {
   for (uint32_t f = 0; f < facets.facets.size(); ++f) {
     const Vec3& n = facets.facets[f].normal;
     const auto step = [](double x, double steps) { return static_cast<int64_t>(std::floor(x * steps + 0.37)); };
-    byPlane[{step(n.x, kDirections), step(n.y, kDirections), step(n.z, kDirections), step(glm::dot(n, facets.points[facets.facets[f].corners[0]]), kOffsets)}]
+    byPlane[{step(n.x, kDirections), step(n.y, kDirections), step(n.z, kDirections),
+             step(glm::dot(n, facets.points[facets.facets[f].corners[0]]), kOffsets)}]
         .push_back(f);
   }
   constexpr double kLeastShare = 1e-4;  // of the smaller facet; less is rounding at a common edge

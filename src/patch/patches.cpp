@@ -21,9 +21,7 @@ EdgeLengths edgeLengths(const FacetSet& set, const Facet& f) {
 }
 
 // Cells along an edge: ceil(l / S); a length that is a whole multiple up to rounding stays exact.
-double cellsAlong(double length, double size) {
-  return std::max(1.0, std::ceil(length / size * (1 - 1e-9)));
-}
+double cellsAlong(double length, double size) { return std::max(1.0, std::ceil(length / size * (1 - 1e-9))); }
 
 double countCells(const FacetSet& set, const std::vector<EdgeLengths>& edges, double size) {
   double sum = 0;
@@ -53,9 +51,7 @@ double targetCells(const FacetSet& set, size_t asked) {
 }
 
 // Index of the first cell of row v in a triangle's grid of n rows.
-uint32_t triangleRow(uint32_t n, uint32_t v) {
-  return v * (2 * n - v);
-}
+uint32_t triangleRow(uint32_t n, uint32_t v) { return v * (2 * n - v); }
 
 void addCells(PatchSet& set, const FacetSet& facets, bool back) {
   for (uint32_t f = 0; f < facets.facets.size(); ++f) {
@@ -82,8 +78,7 @@ Optics cellOptics(const Scene& scene, const Facet& facet, const CellGrid& grid, 
   int samples = 1;
   if (material.textured()) {
     double texels = 1;
-    for (const TextureUse* use :
-         {&material.baseTexture, &material.emissionTexture, &material.metallicRoughnessTexture}) {
+    for (const TextureUse* use : {&material.baseTexture, &material.emissionTexture, &material.metallicRoughnessTexture}) {
       if (!use->used()) continue;
       const Texture& texture = scene.textures[static_cast<size_t>(use->texture)];
       const auto uvAt = [&](double s, double t) {
@@ -142,7 +137,8 @@ bool PatchSet::anySpecular() const {
 bool PatchSet::colouredSpecular() const {
   const auto coloured = [](const Rgb& c) { return maxChannel(c) > minChannel(c); };
   return std::any_of(patches.begin(), patches.end(), [&](const Patch& p) {
-    return coloured(p.mirror) || coloured(p.transmission) || (maxChannel(p.transmission) > 0 && coloured(media[p.surface].attenuation));
+    return coloured(p.mirror) || coloured(p.transmission) ||
+           (maxChannel(p.transmission) > 0 && coloured(media[p.surface].attenuation));
   });
 }
 
@@ -244,10 +240,16 @@ std::vector<Piece> piecesOf(const FacetSet& facets, const PatchSet& patches, uin
   const CellGrid& grid = patches.grids[first.facet];
   const Facet& facet = facets.facets[first.facet];
   // From (u,v) as cells count, `du` and `dv` cells along; both below 0 for inverted triangles.
-  const auto piece = [&](const Facet& f, uint32_t number, const CellGrid& g, double u, double v, double du, double dv, size_t count) {
+  const auto piece = [&](const Facet& f, uint32_t number, const CellGrid& g, double u, double v, double du, double dv,
+                         size_t count) {
     const auto point = [&](double x, double y) { return facets.point(f, x / g.nu, y / g.nv); };
     const Vec3 origin = point(u, v);
-    return Piece{origin, point(u + du, v) - origin, point(u, v + dv) - origin, first.back ? -f.normal : f.normal, !f.parallelogram, number,
+    return Piece{origin,
+                 point(u + du, v) - origin,
+                 point(u, v + dv) - origin,
+                 first.back ? -f.normal : f.normal,
+                 !f.parallelogram,
+                 number,
                  static_cast<double>(count) * cellArea(facets, g, number)};
   };
   const auto single = [&](const Cell& c) {
@@ -345,8 +347,7 @@ void mapCells(PatchSet& set, const Scene& scene, const FacetSet& facets, std::ve
     if (normals[p] == Vec3(0)) patch.normal = normal;
     bent[p] = bent[p] || normal != patch.normal;
     normals[p] += area * normal;
-    const Vec2 uv =
-        facet.parallelogram ? cellPoint(grid, true, cell, 0.5, 0.5) : cellPoint(grid, false, cell, 1.0 / 3, 1.0 / 3);
+    const Vec2 uv = facet.parallelogram ? cellPoint(grid, true, cell, 0.5, 0.5) : cellPoint(grid, false, cell, 1.0 / 3, 1.0 / 3);
     const Optics optics = cellOptics(scene, facet, grid, cell);
     if (maxChannel(optics.diffuse + optics.specular + optics.transmission) > 1 + 1e-9) {
       throw Error("{}: surface '{}': reflectance {} is above 1", scene.path, scene.surfaces[facet.surface].name,

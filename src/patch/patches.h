@@ -33,13 +33,13 @@ struct Cell {
 
 struct Patch {
   uint32_t surface = 0;
-  bool back = false;   // the far side of a double-sided surface
-  Vec3 centre{0};      // area centroid [scene units]
-  Vec3 normal{0};      // unit vector on the side that emits
-  double area = 0;     // [scene units squared]
-  Rgb reflectance{0};  // rho, diffuse
+  bool back = false;               // the far side of a double-sided surface
+  Vec3 centre{0};                  // area centroid [scene units]
+  Vec3 normal{0};                  // unit vector on the side that emits
+  double area = 0;                 // [scene units squared]
+  Rgb reflectance{0};              // rho, diffuse
   Rgb mirror{0}, transmission{0};  // shares of light that do not scatter
-  Rgb emission{0};     // exitance E [flux per area]
+  Rgb emission{0};                 // exitance E [flux per area]
 
   bool emits() const { return maxChannel(emission) > 0; }
   Rgb specular() const { return mirror + transmission; }
@@ -51,12 +51,12 @@ struct Patch {
 // What lies behind a surface that light passes.
 struct Medium {
   double ior = 1.5;
-  bool solid = false;   // the surface bounds a solid; otherwise it is a thin sheet
-  Rgb attenuation{0};   // in a solid [per scene unit]
+  bool solid = false;  // the surface bounds a solid; otherwise it is a thin sheet
+  Rgb attenuation{0};  // in a solid [per scene unit]
 };
 
 struct PatchSet {
-  std::vector<Medium> media;        // one per surface
+  std::vector<Medium> media;      // one per surface
   std::vector<CellGrid> grids;    // one per facet
   std::vector<Cell> cells;        // all front cells, then all back cells
   std::vector<uint32_t> cellMap;  // cell -> patch

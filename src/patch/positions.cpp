@@ -61,8 +61,7 @@ GaussRule gaussLegendre(int n) {
   return rule;
 }
 
-std::vector<Position> positionsOn(const FacetSet& facets, const PatchSet& patches, uint32_t patch, int count,
-                                  uint64_t seed) {
+std::vector<Position> positionsOn(const FacetSet& facets, const PatchSet& patches, uint32_t patch, int count, uint64_t seed) {
   const std::vector<Piece> pieces = piecesOf(facets, patches, patch);
   if (count == 1)
     return {{centreNearest(facets.frame.toUnit(patches.patches[patch].centre), pieces), 1.0, patches.patches[patch].normal}};

@@ -17,8 +17,7 @@ struct Position {
 // patch of one piece is a product Gauss rule (on triangles in collapsed coordinates: Stroud 1971); several pieces get such
 // a rule each where there are four positions or more for every one, at most `count` together; anything else is the R2
 // sequence (Roberts 2018) spread over the patch's pieces by area, shifted per patch by `seed`.
-std::vector<Position> positionsOn(const FacetSet& facets, const PatchSet& patches, uint32_t patch, int count,
-                                  uint64_t seed);
+std::vector<Position> positionsOn(const FacetSet& facets, const PatchSet& patches, uint32_t patch, int count, uint64_t seed);
 
 // Nodes in (0,1) and weights (sum 1) of the n-point Gauss-Legendre rule.
 struct GaussRule {

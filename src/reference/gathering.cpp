@@ -83,8 +83,9 @@ std::vector<GatheredIrradiance> gatherIrradiance(const PathGatherer& gatherer, c
           v = 1 - v;
         }
         GatherPath& path = paths[c];
-        path = {cell.facet, cell.back, cellPoint(fine.grids[cell.facet], facet.parallelogram, cell, u, v),
-                {}, mixBits(key ^ passes), Rgb(0)};
+        path = {
+            cell.facet, cell.back, cellPoint(fine.grids[cell.facet], facet.parallelogram, cell, u, v), {}, mixBits(key ^ passes),
+            Rgb(0)};
         std::copy(shifted.begin() + 2, shifted.end(), path.numbers.begin());
         const uint32_t patch = fine.cellMap[c];
         counts[c] = 0;
@@ -135,7 +136,8 @@ std::vector<GatheredIrradiance> gatherIrradiance(const PathGatherer& gatherer, c
   return result;
 }
 
-void addFollowed(const PathGatherer& gatherer, const PatchSet& patches, double seconds, uint64_t seed, GatheredIrradiance& gathered) {
+void addFollowed(const PathGatherer& gatherer, const PatchSet& patches, double seconds, uint64_t seed,
+                 GatheredIrradiance& gathered) {
   if (!gatherer.leavesOut()) return;
   std::array<std::vector<Rgb>, 2> sums;
   for (auto& sum : sums) sum.assign(patches.size(), Rgb(0));

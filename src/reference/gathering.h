@@ -17,8 +17,8 @@ struct GatheredIrradiance {
 };
 
 struct HError {
-  double error = 0;   // sqrt(sum A (H - H*)^2 / sum A) / (sum A H* / sum A), worst channel, over exposed area
-  double noise = 0;   // errors below this cannot be told from none
+  double error = 0;          // sqrt(sum A (H - H*)^2 / sum A) / (sum A H* / sum A), worst channel, over exposed area
+  double noise = 0;          // errors below this cannot be told from none
   double standardError = 0;  // of H* itself, the same measure
 };
 HError errorOf(const std::vector<Rgb>& irradiance, const PatchSet& patches, const GatheredIrradiance& truth);
@@ -31,6 +31,7 @@ std::vector<GatheredIrradiance> gatherIrradiance(const PathGatherer& gatherer, c
 
 // Adds to both halves what the gatherer has left out (PathGatherer::leaveOutFollowed), followed for about `seconds`. `patches`:
 // those of the gatherer, on which `gathered` is.
-void addFollowed(const PathGatherer& gatherer, const PatchSet& patches, double seconds, uint64_t seed, GatheredIrradiance& gathered);
+void addFollowed(const PathGatherer& gatherer, const PatchSet& patches, double seconds, uint64_t seed,
+                 GatheredIrradiance& gathered);
 
 }  // namespace farol

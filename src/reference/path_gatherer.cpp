@@ -24,7 +24,7 @@ struct PathGatherer::Lane {
 
 struct PathGatherer::ShadowRays {
   RayPacket rays;
-  std::array<Rgb, kPacketSize> light;  // that arrives when nothing is in between; zero: no ray
+  std::array<Rgb, kPacketSize> light;                       // that arrives when nothing is in between; zero: no ray
   std::array<std::span<const uint32_t>, kPacketSize> ways;  // over mirrors
 
   ShadowRays() {
@@ -81,14 +81,17 @@ void PathGatherer::endWith(const PatchSet& patches, std::span<const Rgb> irradia
   knownPatches_.emplace(facets_, patches);
   known_.assign(irradiance.begin(), irradiance.end());
   if (lamps_.empty() && lights_.empty()) return;
-  const DirectLight direct = DirectIrradiance(tracer_, facets_, patches, lamps_, lights_, {kShadowRays, 1, mirrors_ ? &*mirrors_ : nullptr}).compute(exposed);
+  const DirectLight direct =
+      DirectIrradiance(tracer_, facets_, patches, lamps_, lights_, {kShadowRays, 1, mirrors_ ? &*mirrors_ : nullptr})
+          .compute(exposed);
   for (size_t i = 0; i < known_.size(); ++i) known_[i] -= direct.irradiance[i];
 }
 
 SpecularLight PathGatherer::follow(const PatchSet& patches, std::span<const double> exposed, size_t rays, uint64_t seed) const {
   const std::vector<uint8_t> none(patches.size(), 0);
   return traceSpecularLight(tracer_, facets_, patches, tree_, imagesOfLamps_ ? none : plan_.apart,
-                            missesLights_ ? std::span<const PunctualLight>(scene_.lights) : std::span<const PunctualLight>(), exposed, rays, seed, [](double) {});
+                            missesLights_ ? std::span<const PunctualLight>(scene_.lights) : std::span<const PunctualLight>(),
+                            exposed, rays, seed, [](double) {});
 }
 
 Optics PathGatherer::opticsAt(uint32_t facet, double u, double v) const {
@@ -129,7 +132,8 @@ std::pair<size_t, double> PathGatherer::chooseLamp(const Lane& lane, double& s) 
   }
   if (sum <= 0) return {count, 0.0};
   for (double& x : sums) x /= sum;
-  const size_t which = std::min<size_t>(static_cast<size_t>(std::upper_bound(sums.begin(), sums.end(), s) - sums.begin()), count - 1);
+  const size_t which =
+      std::min<size_t>(static_cast<size_t>(std::upper_bound(sums.begin(), sums.end(), s) - sums.begin()), count - 1);
   const double before = which > 0 ? sums[which - 1] : 0, chance = sums[which] - before;
   s = std::min((s - before) / chance, 1.0);
   return {which, chance};
@@ -265,7 +269,8 @@ void PathGatherer::gather(std::span<GatherPath> paths) const {
   HitPacket hits;
   ShadowRays toLamps, toPunctual;
   const auto addLight = [&](ShadowRays& shadow, uint32_t count) {
-    const uint32_t all = firstRays(count), blocked = mirrors_ ? all & ~mirrors_->connected(tracer_, shadow.rays, all, shadow.ways) : tracer_.occluded(shadow.rays, all);
+    const uint32_t all = firstRays(count), blocked = mirrors_ ? all & ~mirrors_->connected(tracer_, shadow.rays, all, shadow.ways)
+                                                              : tracer_.occluded(shadow.rays, all);
     for (uint32_t k = 0; k < count; ++k) {
       if (lanes[k].path != nullptr && (blocked >> k & 1) == 0) lanes[k].path->irradiance += shadow.light[k];
     }

@@ -27,8 +27,8 @@ struct GatherPath {
 class PathGatherer {
  public:
   // The references must outlive this. `patches` says which sides exist and which of them are mirrors or glass.
-  PathGatherer(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, const Scene& scene,
-               const LampPlan& lamps, const Rgb& sky, const TreeLimits& limits);
+  PathGatherer(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, const Scene& scene, const LampPlan& lamps,
+               const Rgb& sky, const TreeLimits& limits);
 
   // Final gathering: from here on paths end at the first surface that is met: light of lamps is sampled there too, and in place
   // of what follows comes what this irradiance H of the patch there has besides. Far less noise; what a good solution errs by
@@ -41,7 +41,9 @@ class PathGatherer {
   // constructor; `exposed` as in RowShares.
   void leaveOutFollowed() { leaveOutFollowed_ = true; }
   SpecularLight follow(const PatchSet& patches, std::span<const double> exposed, size_t rays, uint64_t seed) const;
-  bool leavesOut() const { return leaveOutFollowed_ && patchesSpecular_ && ((!lamps_.empty() && !imagesOfLamps_) || missesLights_); }
+  bool leavesOut() const {
+    return leaveOutFollowed_ && patchesSpecular_ && ((!lamps_.empty() && !imagesOfLamps_) || missesLights_);
+  }
 
   // Whether there are punctual lights whose way over mirrors and through glass is missing.
   bool missesLights() const { return missesLights_; }
@@ -76,8 +78,8 @@ class PathGatherer {
   std::optional<HitPatches> knownPatches_;
   std::vector<Rgb> known_;  // [its patches] irradiance without that of lamps
   RayTree tree_;
-  std::vector<uint8_t> varies_;      // [surfaces] optics depend on the place
-  std::vector<Optics> constant_;     // [surfaces] of those that do not
+  std::vector<uint8_t> varies_;   // [surfaces] optics depend on the place
+  std::vector<Optics> constant_;  // [surfaces] of those that do not
 };
 
 }  // namespace farol

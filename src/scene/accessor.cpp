@@ -31,8 +31,8 @@ double readComponent(const unsigned char* p, int type, bool normalized) {
 
 // The bytes of `count` elements, or an error: the document check went by declared lengths, this one by
 // the data that is really there.
-const unsigned char* locate(const tinygltf::Model& model, int view, size_t offset, size_t count, size_t element,
-                            size_t stride, const std::string& who) {
+const unsigned char* locate(const tinygltf::Model& model, int view, size_t offset, size_t count, size_t element, size_t stride,
+                            const std::string& who) {
   const tinygltf::BufferView& v = model.bufferViews[static_cast<size_t>(view)];
   const tinygltf::Buffer& buffer = model.buffers[static_cast<size_t>(v.buffer)];
   const size_t start = v.byteOffset + offset;
@@ -52,8 +52,8 @@ int accessorComponents(const tinygltf::Model& model, int accessor) {
 std::vector<double> readAccessor(const tinygltf::Model& model, int accessor, int components, const std::string& who) {
   const tinygltf::Accessor& a = model.accessors[static_cast<size_t>(accessor)];
   if (accessorComponents(model, accessor) != components) {
-    throw Error("{}: accessor {} has {} components per element, {} are needed", who, accessor,
-                accessorComponents(model, accessor), components);
+    throw Error("{}: accessor {} has {} components per element, {} are needed", who, accessor, accessorComponents(model, accessor),
+                components);
   }
   const auto per = static_cast<size_t>(components);
   const auto width = static_cast<size_t>(tinygltf::GetComponentSizeInBytes(static_cast<uint32_t>(a.componentType)));
@@ -61,8 +61,7 @@ std::vector<double> readAccessor(const tinygltf::Model& model, int accessor, int
   const auto readElement = [&](const unsigned char* from, size_t element) {
     for (size_t c = 0; c < per; ++c) {
       const double value = readComponent(from + c * width, a.componentType, a.normalized);
-      if (!std::isfinite(value))
-        throw Error("{}: element {} of accessor {} is not a finite number", who, element, accessor);
+      if (!std::isfinite(value)) throw Error("{}: element {} of accessor {} is not a finite number", who, element, accessor);
       values[element * per + c] = value;
     }
   };
@@ -76,17 +75,13 @@ std::vector<double> readAccessor(const tinygltf::Model& model, int accessor, int
     const auto count = static_cast<size_t>(a.sparse.count);
     const auto indexWidth =
         static_cast<size_t>(tinygltf::GetComponentSizeInBytes(static_cast<uint32_t>(a.sparse.indices.componentType)));
-    const unsigned char* indices =
-        locate(model, a.sparse.indices.bufferView, static_cast<size_t>(a.sparse.indices.byteOffset), count, indexWidth,
-               indexWidth, who);
-    const unsigned char* data =
-        locate(model, a.sparse.values.bufferView, static_cast<size_t>(a.sparse.values.byteOffset), count, width * per,
-               width * per, who);
+    const unsigned char* indices = locate(model, a.sparse.indices.bufferView, static_cast<size_t>(a.sparse.indices.byteOffset),
+                                          count, indexWidth, indexWidth, who);
+    const unsigned char* data = locate(model, a.sparse.values.bufferView, static_cast<size_t>(a.sparse.values.byteOffset), count,
+                                       width * per, width * per, who);
     for (size_t i = 0; i < count; ++i) {
-      const auto at =
-          static_cast<size_t>(readComponent(indices + i * indexWidth, a.sparse.indices.componentType, false));
-      if (at >= a.count)
-        throw Error("{}: sparse index {} of accessor {} is outside its {} elements", who, at, accessor, a.count);
+      const auto at = static_cast<size_t>(readComponent(indices + i * indexWidth, a.sparse.indices.componentType, false));
+      if (at >= a.count) throw Error("{}: sparse index {} of accessor {} is outside its {} elements", who, at, accessor, a.count);
       readElement(data + i * width * per, at);
     }
   }

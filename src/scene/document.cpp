@@ -40,8 +40,8 @@ class Checker {
     if (!doc_.is_object() || !doc_.contains("asset")) fail("file", "is JSON but not glTF: it has no 'asset'");
     checkVersion();
     checkExtensions();
-    for (const char* key : {"buffers", "bufferViews", "accessors", "meshes", "nodes", "scenes", "images", "textures",
-                            "materials", "cameras", "samplers"}) {
+    for (const char* key : {"buffers", "bufferViews", "accessors", "meshes", "nodes", "scenes", "images", "textures", "materials",
+                            "cameras", "samplers"}) {
       if (doc_.contains(key) && !doc_[key].is_array()) fail(key, "is not an array");
       for (const json& item : list(key)) {
         if (!item.is_object()) fail(key, "has an entry that is not an object");
@@ -67,9 +67,7 @@ class Checker {
   }
 
  private:
-  [[noreturn]] void fail(const std::string& who, const std::string& what) const {
-    throw Error("{}: {}: {}", path_, who, what);
-  }
+  [[noreturn]] void fail(const std::string& who, const std::string& what) const { throw Error("{}: {}: {}", path_, who, what); }
 
   const json& list(const char* key) const {
     static const json empty = json::array();
@@ -247,8 +245,7 @@ class Checker {
       if (!nodes[i].contains("children")) continue;
       for (const json& child : nodes[i]["children"]) {
         const auto c = child.get<size_t>();
-        if (parent[c] >= 0)
-          fail(fmt::format("node {}", c), fmt::format("is a child of node {} and of node {}", parent[c], i));
+        if (parent[c] >= 0) fail(fmt::format("node {}", c), fmt::format("is a child of node {} and of node {}", parent[c], i));
         parent[c] = static_cast<int64_t>(i);
       }
     }
@@ -258,8 +255,7 @@ class Checker {
     for (size_t i = 0; i < nodes.size(); ++i) {
       for (auto at = static_cast<int64_t>(i); at >= 0 && walk[static_cast<size_t>(at)] != kRooted;
            at = parent[static_cast<size_t>(at)]) {
-        if (walk[static_cast<size_t>(at)] == i + 1)
-          fail(fmt::format("node {}", at), "is its own ancestor (a cycle of nodes)");
+        if (walk[static_cast<size_t>(at)] == i + 1) fail(fmt::format("node {}", at), "is its own ancestor (a cycle of nodes)");
         walk[static_cast<size_t>(at)] = i + 1;
       }
       for (auto at = static_cast<int64_t>(i); at >= 0 && walk[static_cast<size_t>(at)] == i + 1;
@@ -315,9 +311,9 @@ Document readDocument(const std::string& path) {
   document.path = path;
   document.bytes = readWhole(path);
   document.binary = document.bytes.size() >= 4 && std::memcmp(document.bytes.data(), "glTF", 4) == 0;
-  const std::string_view text =
-      document.binary ? jsonChunk(path, document.bytes)
-                      : std::string_view(reinterpret_cast<const char*>(document.bytes.data()), document.bytes.size());
+  const std::string_view text = document.binary
+                                    ? jsonChunk(path, document.bytes)
+                                    : std::string_view(reinterpret_cast<const char*>(document.bytes.data()), document.bytes.size());
   document.json = json::parse(text, nullptr, false);
   if (document.json.is_discarded()) throw Error("{}: is not glTF: neither a GLB container nor JSON text", path);
   Checker(document.path, document.json).run();

@@ -16,9 +16,7 @@ namespace {
 
 using Mat4 = glm::dmat4;
 
-double triangleArea(const Vec3& a, const Vec3& b, const Vec3& c) {
-  return 0.5 * glm::length(glm::cross(b - a, c - a));
-}
+double triangleArea(const Vec3& a, const Vec3& b, const Vec3& c) { return 0.5 * glm::length(glm::cross(b - a, c - a)); }
 
 class Loader {
  public:
@@ -46,10 +44,9 @@ class Loader {
     const auto size = static_cast<unsigned int>(document_.bytes.size());
     bool good = false;
     try {
-      good = document_.binary
-                 ? reader.LoadBinaryFromMemory(&model_, &error, &warning, document_.bytes.data(), size, folder)
-                 : reader.LoadASCIIFromString(&model_, &error, &warning,
-                                              reinterpret_cast<const char*>(document_.bytes.data()), size, folder);
+      good = document_.binary ? reader.LoadBinaryFromMemory(&model_, &error, &warning, document_.bytes.data(), size, folder)
+                              : reader.LoadASCIIFromString(&model_, &error, &warning,
+                                                           reinterpret_cast<const char*>(document_.bytes.data()), size, folder);
     } catch (const std::exception& e) {
       error = e.what();
     }
@@ -146,8 +143,8 @@ class Loader {
     const std::string who = fmt::format("{}: surface '{}'", document_.path, name);
     Surface surface;
     surface.name = name;
-    surface.material = primitive.material >= 0 ? static_cast<uint32_t>(primitive.material)
-                                               : static_cast<uint32_t>(scene_.materials.size() - 1);
+    surface.material =
+        primitive.material >= 0 ? static_cast<uint32_t>(primitive.material) : static_cast<uint32_t>(scene_.materials.size() - 1);
     readPositions(primitive, matrix, who, surface);
     readNormals(primitive, matrix, who, surface);
     readTexcoords(primitive, who, surface);
@@ -164,15 +161,13 @@ class Loader {
     return it != primitive.attributes.end() ? it->second : -1;
   }
 
-  void readPositions(const tinygltf::Primitive& primitive, const Mat4& matrix, const std::string& who,
-                     Surface& surface) const {
+  void readPositions(const tinygltf::Primitive& primitive, const Mat4& matrix, const std::string& who, Surface& surface) const {
     const int accessor = attribute(primitive, "POSITION");
     if (accessor < 0) throw Error("{}: has no POSITION", who);
     const auto values = readAccessor(model_, accessor, 3, who + ": POSITION");
     for (size_t i = 0; i + 2 < values.size(); i += 3) {
       const Vec3 p = Vec3(matrix * glm::dvec4(values[i], values[i + 1], values[i + 2], 1.0));
-      if (!std::isfinite(p.x + p.y + p.z))
-        throw Error("{}: vertex {} is not finite after the node's transform", who, i / 3);
+      if (!std::isfinite(p.x + p.y + p.z)) throw Error("{}: vertex {} is not finite after the node's transform", who, i / 3);
       surface.positions.push_back(p);
     }
   }
@@ -183,8 +178,7 @@ class Loader {
     }
   }
 
-  void readNormals(const tinygltf::Primitive& primitive, const Mat4& matrix, const std::string& who,
-                   Surface& surface) const {
+  void readNormals(const tinygltf::Primitive& primitive, const Mat4& matrix, const std::string& who, Surface& surface) const {
     const int accessor = attribute(primitive, "NORMAL");
     if (accessor < 0 || glm::determinant(matrix) == 0) return;
     const auto values = readAccessor(model_, accessor, 3, who + ": NORMAL");
@@ -222,8 +216,7 @@ class Loader {
     }
   }
 
-  void readTriangles(const tinygltf::Primitive& primitive, int mode, bool flip, const std::string& who,
-                     Surface& surface) const {
+  void readTriangles(const tinygltf::Primitive& primitive, int mode, bool flip, const std::string& who, Surface& surface) const {
     std::vector<uint32_t> indices;
     const size_t vertices = surface.positions.size();
     if (primitive.indices >= 0) {
@@ -251,11 +244,11 @@ class Loader {
 
   double checkMaterial(const Surface& surface) {
     const Material& material = scene_.materials[surface.material];
-    for (const TextureUse* use : {&material.baseTexture, &material.metallicRoughnessTexture, &material.emissionTexture,
-                                  &material.transmissionTexture}) {
+    for (const TextureUse* use :
+         {&material.baseTexture, &material.metallicRoughnessTexture, &material.emissionTexture, &material.transmissionTexture}) {
       if (use->used() && surface.texcoords[static_cast<size_t>(use->set)].empty()) {
-        throw Error("{}: surface '{}': material '{}' needs TEXCOORD_{}, which the mesh lacks", document_.path,
-                    surface.name, material.name, use->set);
+        throw Error("{}: surface '{}': material '{}' needs TEXCOORD_{}, which the mesh lacks", document_.path, surface.name,
+                    material.name, use->set);
       }
     }
     double area = 0;
@@ -281,8 +274,7 @@ class Loader {
     camera.forward = glm::normalize(-Vec3(matrix[2]));
     const Vec3 up = Vec3(matrix[1]);
     camera.up = glm::normalize(up - glm::dot(up, camera.forward) * camera.forward);
-    if (!std::isfinite(camera.forward.x + camera.up.x))
-      fail(fmt::format("camera '{}'", nodeName), "has a degenerate transform");
+    if (!std::isfinite(camera.forward.x + camera.up.x)) fail(fmt::format("camera '{}'", nodeName), "has a degenerate transform");
     camera.orthographic = source.type == "orthographic";
     if (camera.orthographic) {
       camera.halfWidth = source.orthographic.xmag;
@@ -339,15 +331,13 @@ class Loader {
   void sayWhatWasLeftOut() {
     if (linesAndPoints_ > 0)
       log_.note(fmt::format("{} primitives of points or lines were skipped: they have no area", linesAndPoints_));
-    if (skinArea_ > 0)
-      log_.note(fmt::format("skinned meshes ({:.4g} square units) are taken in their rest pose", skinArea_));
+    if (skinArea_ > 0) log_.note(fmt::format("skinned meshes ({:.4g} square units) are taken in their rest pose", skinArea_));
     if (morphArea_ > 0)
       log_.note(fmt::format("meshes with morph targets ({:.4g} square units) are taken without them", morphArea_));
-    if (alphaArea_ > 0)
-      log_.note(fmt::format("surfaces with alpha ({:.4g} square units) are taken as opaque", alphaArea_));
+    if (alphaArea_ > 0) log_.note(fmt::format("surfaces with alpha ({:.4g} square units) are taken as opaque", alphaArea_));
     if (roughMetalArea_ > 0) {
-      log_.note(fmt::format("metal of roughness above {} ({:.4g} square units) counts as diffuse", kMirrorRoughness,
-                            roughMetalArea_));
+      log_.note(
+          fmt::format("metal of roughness above {} ({:.4g} square units) counts as diffuse", kMirrorRoughness, roughMetalArea_));
     }
   }
 

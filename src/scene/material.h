@@ -65,8 +65,7 @@ struct Material {
   std::optional<bool> exactSolid;
 
   bool textured() const {
-    return baseTexture.used() || metallicRoughnessTexture.used() || emissionTexture.used() ||
-           transmissionTexture.used();
+    return baseTexture.used() || metallicRoughnessTexture.used() || emissionTexture.used() || transmissionTexture.used();
   }
   bool transmits() const {  // light passes somewhere
     const bool exact = exactDiffuse || exactSpecular || exactTransmission;

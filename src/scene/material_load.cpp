@@ -13,8 +13,7 @@ using nlohmann::json;
 // Reads the members of one material, each checked for kind and range.
 class MaterialReader {
  public:
-  MaterialReader(const Document& document, std::string who, Log& log)
-      : document_(document), who_(std::move(who)), log_(log) {}
+  MaterialReader(const Document& document, std::string who, Log& log) : document_(document), who_(std::move(who)), log_(log) {}
 
   Material read(const json& o) {
     Material m;
@@ -31,8 +30,7 @@ class MaterialReader {
     const json& extensions = object(o, "extensions");
     m.unlit = extensions.contains("KHR_materials_unlit");
     if (m.unlit) log_.note(fmt::format("{}: unlit, its base colour is taken as reflectance", who_));
-    const double strength =
-        number(object(extensions, "KHR_materials_emissive_strength"), "emissiveStrength", 1, 0, 1e30);
+    const double strength = number(object(extensions, "KHR_materials_emissive_strength"), "emissiveStrength", 1, 0, 1e30);
     // Emitted radiance L becomes exitance E = pi L here and nowhere else.
     m.emission = kPi * strength * color(o, "emissiveFactor", Rgb(0), 1, 3);
     m.emissionTexture = texture(o, "emissiveTexture");
@@ -89,8 +87,7 @@ class MaterialReader {
     const size_t count = document_.json.contains("textures") ? document_.json["textures"].size() : 0;
     const auto it = info.find("index");
     if (it == info.end() || !it->is_number_unsigned() || it->get<size_t>() >= count) {
-      fail(fmt::format("{}: index is {}, but the file has {} textures", key, it == info.end() ? "missing" : it->dump(),
-                       count));
+      fail(fmt::format("{}: index is {}, but the file has {} textures", key, it == info.end() ? "missing" : it->dump(), count));
     }
     use.texture = it->get<int>();
     use.set = static_cast<int>(number(info, "texCoord", 0, 0, 15));
@@ -129,10 +126,10 @@ class MaterialReader {
 
   void readExact(const json& o, Material& m) const {
     for (const auto& [key, value] : o.items()) {
-      static constexpr std::array<std::string_view, 6> known = {"diffuse", "specular", "transmission",
-                                                                "ior",     "solid",    "emission"};
+      static constexpr std::array<std::string_view, 6> known = {"diffuse", "specular", "transmission", "ior", "solid", "emission"};
       if (std::find(known.begin(), known.end(), key) == known.end()) {
-        log_.warn({"unknown-property", fmt::format("{}: {}: extras.farol.{} is not known and was ignored", document_.path, who_, key)});
+        log_.warn(
+            {"unknown-property", fmt::format("{}: {}: extras.farol.{} is not known and was ignored", document_.path, who_, key)});
       }
     }
     const auto exact = [&](const char* key, double high, std::optional<Rgb>& target) {
@@ -147,8 +144,7 @@ class MaterialReader {
       if (!it->is_boolean()) fail("extras.farol.solid is not true or false");
       m.exactSolid = it->get<bool>();
     }
-    const Rgb sum =
-        m.exactDiffuse.value_or(Rgb(0)) + m.exactSpecular.value_or(Rgb(0)) + m.exactTransmission.value_or(Rgb(0));
+    const Rgb sum = m.exactDiffuse.value_or(Rgb(0)) + m.exactSpecular.value_or(Rgb(0)) + m.exactTransmission.value_or(Rgb(0));
     if (maxChannel(sum) > 1 + 1e-9) {
       fail(fmt::format("extras.farol: diffuse + specular + transmission is {}, above 1", maxChannel(sum)));
     }
@@ -166,10 +162,8 @@ std::vector<Material> loadMaterials(const Document& document, Log& log) {
   const json& list = document.json.contains("materials") ? document.json["materials"] : json::array();
   bool defaultsUsed = false;
   for (size_t i = 0; i < list.size(); ++i) {
-    const std::string name =
-        list[i].contains("name") && list[i]["name"].is_string() ? list[i]["name"].get<std::string>() : "";
-    MaterialReader reader(document, name.empty() ? fmt::format("material {}", i) : fmt::format("material '{}'", name),
-                          log);
+    const std::string name = list[i].contains("name") && list[i]["name"].is_string() ? list[i]["name"].get<std::string>() : "";
+    MaterialReader reader(document, name.empty() ? fmt::format("material {}", i) : fmt::format("material '{}'", name), log);
     try {
       materials.push_back(reader.read(list[i]));
     } catch (const json::exception& e) {

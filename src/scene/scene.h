@@ -40,7 +40,7 @@ struct PunctualLight {
   Rgb intensity{0};                           // candela, or lux for directional
   double range = 0;                           // [scene units]; 0: unlimited
   double innerCone = 0, outerCone = kPi / 4;  // half angles [rad]
-  std::vector<uint32_t> mirrors = {};  // of an image: those on the way to the light (light/lamp_images.h)
+  std::vector<uint32_t> mirrors = {};         // of an image: those on the way to the light (light/lamp_images.h)
 };
 
 struct Scene {

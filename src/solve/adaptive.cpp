@@ -40,7 +40,8 @@ Level levelOf(const FacetSet& facets, const PatchSet& patches, uint32_t steps, u
 
 // What every node of a level costs: sum_i A_i (sum_{k in node} F_ik (B_k - mean))^2, per channel over its mean H, largest
 // channel; without what noise in F adds, sum_k A_k (B_k - mean)^2 / samples by reciprocity.
-void addCosts(const FormFactorMatrix& f, const PatchSet& patches, const std::vector<Rgb>& b, const Rgb& meanH, double samples, Level& level) {
+void addCosts(const FormFactorMatrix& f, const PatchSet& patches, const std::vector<Rgb>& b, const Rgb& meanH, double samples,
+              Level& level) {
   const size_t n = patches.size(), count = level.nodes.size();
   std::vector<double> area(n), nodeArea(count, 0.0);
   std::vector<Rgb> mean(count, Rgb(0)), change(n), noise(count, Rgb(0));
@@ -73,13 +74,15 @@ void addCosts(const FormFactorMatrix& f, const PatchSet& patches, const std::vec
   for (const std::vector<Rgb>& sums : ofPart) {
     for (size_t g = 0; g < count; ++g) squares[g] += sums[g];
   }
-  for (size_t g = 0; g < count; ++g) level.nodes[g].cost = std::max(0.0, maxChannel(squares[g] - noise[g])) / std::max(total, 1e-300);
+  for (size_t g = 0; g < count; ++g)
+    level.nodes[g].cost = std::max(0.0, maxChannel(squares[g] - noise[g])) / std::max(total, 1e-300);
 }
 
 // H varies across a patch, and its mean hides that from whoever looks at a picture, which is smooth between patches and so
 // brings most of it back: a hundredth of the mean square counts. What is hidden falls with the size; what is seen of it lacks
 // that of the grid, `steps` halvings below.
-void addHidden(const FormFactorMatrix& f, const PatchSet& patches, const Solution& solution, const Rgb& meanH, uint32_t steps, Level& level) {
+void addHidden(const FormFactorMatrix& f, const PatchSet& patches, const Solution& solution, const Rgb& meanH, uint32_t steps,
+               Level& level) {
   constexpr double kCounts = 0.01;
   std::vector<double> area(level.nodes.size(), 0.0);
   std::vector<Rgb> sum(level.nodes.size(), Rgb(0)), squares = sum;
@@ -94,7 +97,8 @@ void addHidden(const FormFactorMatrix& f, const PatchSet& patches, const Solutio
   }
   const double seen = 1 - std::pow(4.0, -static_cast<double>(steps));
   for (size_t g = 0; g < level.nodes.size(); ++g) {
-    if (area[g] > 0) level.nodes[g].cost += kCounts / seen * std::max(0.0, maxChannel(squares[g] - sum[g] * sum[g] / area[g])) / total;
+    if (area[g] > 0)
+      level.nodes[g].cost += kCounts / seen * std::max(0.0, maxChannel(squares[g] - sum[g] * sum[g] / area[g])) / total;
   }
 }
 

@@ -28,7 +28,8 @@ template <typename From, typename Number>
 
 // Adds what j below `last`, a multiple of the lanes, bring. Eight rows at once are more than processors fetch ahead by themselves.
 template <size_t Channels, typename Factor, typename Number, size_t Rows>
-[[gnu::always_inline]] inline void denseLoop(const Factor* const* rows, const Number* b, size_t n, size_t last, Lanes (*sums)[Channels]) {
+[[gnu::always_inline]] inline void denseLoop(const Factor* const* rows, const Number* b, size_t n, size_t last,
+                                             Lanes (*sums)[Channels]) {
   constexpr size_t kAhead = 128, kPerLine = 64 / sizeof(Factor), kTogether = 128 * kLanes;
   for (size_t j = 0; j < last;) {
     Vector<Number, kLanes> part[Rows][Channels] = {};
@@ -105,7 +106,9 @@ template <bool Weighted, typename Number>
         std::memcpy(&second, b + size_t{4} * (ids[L] >> 32), sizeof second);
         const Pair from = __builtin_shufflevector(first, second, 0, 1, 2, 3, 4, 5, 6, 7);
         if constexpr (Weighted)
-          part[L] += __builtin_shufflevector(values, values, 2 * L, 2 * L, 2 * L, 2 * L, 2 * L + 1, 2 * L + 1, 2 * L + 1, 2 * L + 1) * from;
+          part[L] +=
+              __builtin_shufflevector(values, values, 2 * L, 2 * L, 2 * L, 2 * L, 2 * L + 1, 2 * L + 1, 2 * L + 1, 2 * L + 1) *
+              from;
         else
           part[L] += from;
       };
@@ -136,7 +139,8 @@ template <bool Weighted, typename Number>
   std::memcpy(sums, &sum, sizeof sums);
 }
 
-// The loops for one kind of processor, whose registers hold the sums of GROUP rows in double. NOLINTBEGIN(bugprone-macro-parentheses)
+// The loops for one kind of processor, whose registers hold the sums of GROUP rows in double.
+// NOLINTBEGIN(bugprone-macro-parentheses)
 #define FAROL_LOOPS_FOR(NAME, GROUP, TARGET)                                                                               \
   struct NAME {                                                                                                            \
     template <size_t Channels, typename Factor, typename Number, size_t Rows>                                              \
@@ -207,15 +211,15 @@ void gatherLists(std::span<const ListRow> rows, const Number* b, double (*sums)[
   for (size_t r = 0; r < rows.size(); ++r) one(rows[r], b, sums[r]);
 }
 
-#define FAROL_GATHER(NUMBER)                                                                              \
-  template void gatherRows(std::span<const float* const>, const NUMBER*, size_t, double (*)[3]);          \
-  template void gatherRows(std::span<const float* const>, const NUMBER*, size_t, double (*)[1]);          \
-  template void gatherRows(std::span<const uint16_t* const>, const NUMBER*, size_t, double (*)[3]);       \
-  template void gatherRows(std::span<const uint16_t* const>, const NUMBER*, size_t, double (*)[1]);       \
-  template void gatherLists<3, true>(std::span<const ListRow>, const NUMBER*, double (*)[3]);             \
-  template void gatherLists<1, true>(std::span<const ListRow>, const NUMBER*, double (*)[1]);             \
-  template void gatherLists<3, false>(std::span<const ListRow>, const NUMBER*, double (*)[3]);            \
-  template void gatherLists<1, false>(std::span<const ListRow>, const NUMBER*, double (*)[1]);
+#define FAROL_GATHER(NUMBER)                                                                       \
+  template void gatherRows(std::span<const float* const>, const NUMBER*, size_t, double(*)[3]);    \
+  template void gatherRows(std::span<const float* const>, const NUMBER*, size_t, double(*)[1]);    \
+  template void gatherRows(std::span<const uint16_t* const>, const NUMBER*, size_t, double(*)[3]); \
+  template void gatherRows(std::span<const uint16_t* const>, const NUMBER*, size_t, double(*)[1]); \
+  template void gatherLists<3, true>(std::span<const ListRow>, const NUMBER*, double(*)[3]);       \
+  template void gatherLists<1, true>(std::span<const ListRow>, const NUMBER*, double(*)[1]);       \
+  template void gatherLists<3, false>(std::span<const ListRow>, const NUMBER*, double(*)[3]);      \
+  template void gatherLists<1, false>(std::span<const ListRow>, const NUMBER*, double(*)[1]);
 FAROL_GATHER(double)
 FAROL_GATHER(float)
 #undef FAROL_GATHER

@@ -14,11 +14,9 @@
 namespace farol {
 namespace {
 
-constexpr uint32_t kPadding = 32;      // columns; whole workgroups of rows, and whole vectors
+constexpr uint32_t kPadding = 32;  // columns; whole workgroups of rows, and whole vectors
 
-uint32_t paddedCount(size_t n) {
-  return static_cast<uint32_t>((std::max<size_t>(n, 1) + kPadding - 1) / kPadding * kPadding);
-}
+uint32_t paddedCount(size_t n) { return static_cast<uint32_t>((std::max<size_t>(n, 1) + kPadding - 1) / kPadding * kPadding); }
 
 // IEEE half precision, rounded to nearest; for values of 0 to 2^15. What is below 2^-14 becomes 0.
 uint16_t halfOf(float value) {
@@ -41,15 +39,13 @@ float toHalf(std::span<const float> row, std::span<uint16_t> to) {
 
 gpu::ComputePipeline pipelineFor(const gpu::Device& device) {
   const bool software = device.info().type == "CPU";
-  return {device, "Jacobi sweep", software ? gpu::Spirv(jacobi_comp) : gpu::Spirv(jacobi_comp_WIDE),
-          shader::kJacobiBindingCount, sizeof(shader::JacobiPush)};
+  return {device, "Jacobi sweep", software ? gpu::Spirv(jacobi_comp) : gpu::Spirv(jacobi_comp_WIDE), shader::kJacobiBindingCount,
+          sizeof(shader::JacobiPush)};
 }
 
 }  // namespace
 
-uint64_t GpuJacobi::bytesFor(size_t patches) {
-  return uint64_t{paddedCount(patches)} * paddedCount(patches) * sizeof(uint16_t);
-}
+uint64_t GpuJacobi::bytesFor(size_t patches) { return uint64_t{paddedCount(patches)} * paddedCount(patches) * sizeof(uint16_t); }
 
 GpuJacobi::GpuJacobi(const gpu::Device& device, const FormFactorMatrix& f, const std::vector<size_t>& reflecting,
                      const Channels& reflectance)
@@ -69,8 +65,8 @@ GpuJacobi::GpuJacobi(const gpu::Device& device, const FormFactorMatrix& f, const
   constexpr double kUsableShare = 0.8;
   const uint64_t bytes = bytesFor(reflecting.size());
   if (static_cast<double>(bytes) > kUsableShare * static_cast<double>(device.info().memoryBytes)) {
-    throw gpu::OutOfMemory("form factors of {} patches need {:.3g} GB on device {}, which has {:.3g} GB",
-                           reflecting.size(), static_cast<double>(bytes) * 1e-9, device.info().name,
+    throw gpu::OutOfMemory("form factors of {} patches need {:.3g} GB on device {}, which has {:.3g} GB", reflecting.size(),
+                           static_cast<double>(bytes) * 1e-9, device.info().name,
                            static_cast<double>(device.info().memoryBytes) * 1e-9);
   }
   const uint64_t rowBytes = uint64_t{padded_} * sizeof(uint16_t);
@@ -100,13 +96,14 @@ GpuJacobi::GpuJacobi(const gpu::Device& device, const FormFactorMatrix& f, const
     Block block{first, rows, std::move(factors), {}};
     for (const size_t from : {size_t{0}, size_t{1}}) {
       block.bindings.emplace_back(device, "Jacobi sweep",
-                                  std::vector<const gpu::Buffer*>{&block.factors, &fields_[from], &fields_[1 - from],
-                                                                  &residual_, &reflectance_, &changes_});
+                                  std::vector<const gpu::Buffer*>{&block.factors, &fields_[from], &fields_[1 - from], &residual_,
+                                                                  &reflectance_, &changes_});
     }
     blocks_.push_back(std::move(block));
   }
   Channels scaled = reflectance;
-  for (size_t k = 0; k < reflecting.size(); ++k) scaled.row(static_cast<Eigen::Index>(reflecting[k])) /= static_cast<double>(scales[k]);
+  for (size_t k = 0; k < reflecting.size(); ++k)
+    scaled.row(static_cast<Eigen::Index>(reflecting[k])) /= static_cast<double>(scales[k]);
   put(scaled, 1, reflectance_);
 }
 

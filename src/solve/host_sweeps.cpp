@@ -48,7 +48,8 @@ struct Spanned {
   // The largest eigenvalue of rho F, projected onto them (a Ritz value). A q_k needs A r_{k+1}, which is known up to the last
   // step, and is nothing where nothing was left.
   double radius() const {
-    const size_t known = left < 1e-6 * std::abs(steps.empty() ? 0.0 : steps.back()) ? steps.size() : std::max<size_t>(steps.size(), 1) - 1;
+    const size_t known =
+        left < 1e-6 * std::abs(steps.empty() ? 0.0 : steps.back()) ? steps.size() : std::max<size_t>(steps.size(), 1) - 1;
     const auto n = static_cast<Eigen::Index>(std::min(known, kMost - 1));
     if (n == 0) return 0;
     Eigen::MatrixXd projected(n, n);
@@ -82,8 +83,7 @@ HostSweeps::HostSweeps(const System& system, const PatchSet& patches) : system_(
   for (Eigen::Index i = 0; i < weights_.rows(); ++i) {
     const auto patch = static_cast<size_t>(i);
     const double area = patches.patches[patch].area * system.factors().shares(patch).exposed;
-    for (int c = 0; c < 3; ++c)
-      weights_(i, c) = system.reflectance(i, c) > 0 ? area / system.reflectance(i, c) : 0.0;
+    for (int c = 0; c < 3; ++c) weights_(i, c) = system.reflectance(i, c) > 0 ? area / system.reflectance(i, c) : 0.0;
   }
 }
 
@@ -166,7 +166,8 @@ Reflections HostSweeps::conjugateResiduals(const Channels& r, size_t mostSweeps,
     }
     const auto squares = summed<1>(rows, [&](Eigen::Index first, Eigen::Index count, Sums<1>& sums) {
       for (Eigen::Index c = 0; c < 3; ++c) {
-        auto own = image.col(c).segment(first, count), direction = p.col(c).segment(first, count), rest = residual.col(c).segment(first, count);
+        auto own = image.col(c).segment(first, count), direction = p.col(c).segment(first, count),
+             rest = residual.col(c).segment(first, count);
         own *= shares[c];
         direction *= shares[c];
         result.sum.col(c).segment(first, count) += steps[c] * direction;
@@ -225,7 +226,8 @@ Reflections HostSweeps::reflections(SolverKind kind, const Channels& r, size_t m
   for (bool more = result.changes.size() < mostSweeps; more;) {
     result.changes.push_back(kind == SolverKind::gaussSeidel ? gaussSeidel(r, d) : jacobi(r, d));
     result.sum = d.columns() - r;
-    more = sweepsMissing(result.changes, kWellBelow * goal(result.sum, result.changes.size() - 1)) > 0 && result.changes.size() < mostSweeps;
+    more = sweepsMissing(result.changes, kWellBelow * goal(result.sum, result.changes.size() - 1)) > 0 &&
+           result.changes.size() < mostSweeps;
   }
   return result;
 }

@@ -32,8 +32,8 @@ std::vector<Rgb> carried(const PatchSet& patches, const DirectLight& direct, con
 // Variance of one sample of what each row gathers, per channel, around what was gathered: the irradiance without direct light. (Of
 // channels with an F of their own it holds for that which f is of.) Made for one patch of three, which its neighbours share: three
 // are left where laws are smoothed.
-std::vector<Rgb> sampleVariance(const FormFactorMatrix& f, const DirectLight& direct, const Solution& solution, const std::vector<Rgb>& r,
-                                const Rgb& sky, const Neighbourhood& near) {
+std::vector<Rgb> sampleVariance(const FormFactorMatrix& f, const DirectLight& direct, const Solution& solution,
+                                const std::vector<Rgb>& r, const Rgb& sky, const Neighbourhood& near) {
   constexpr size_t kShare = 3;
   const std::span<const uint32_t> order = near.order();
   const auto makerOf = [&](size_t k) { return order[std::min(k / kShare * kShare + kShare / 2, order.size() - 1)]; };
@@ -59,8 +59,8 @@ std::vector<Rgb> sampleVariance(const FormFactorMatrix& f, const DirectLight& di
 // groups of neighbours; v is the variance of a group's mean, where rows err independently, and b the mean of what its
 // replicates show that all rows have in common (`bias`, one per probe; zero for unbiased rows). A group's row of F is
 // that of its replicated patches.
-void carryOn(const FormFactorMatrix& f, const PatchSet& patches, const Neighbourhood& near,
-             std::span<const uint32_t> probes, std::span<const Rgb> bias, std::vector<Rgb>& variance) {
+void carryOn(const FormFactorMatrix& f, const PatchSet& patches, const Neighbourhood& near, std::span<const uint32_t> probes,
+             std::span<const Rgb> bias, std::vector<Rgb>& variance) {
   const std::vector<uint32_t> groupOf = near.groups(kGroups);
   const auto n = static_cast<Eigen::Index>(1 + *std::max_element(groupOf.begin(), groupOf.end()));
   std::vector<Rgb> reflectance(patches.size());  // by themselves, for the loop below to find in the cache
@@ -121,8 +121,7 @@ std::vector<double> scaled(const Neighbourhood& near, const std::vector<double>&
 }  // namespace
 
 std::vector<Rgb> irradianceError(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct,
-                                 const Solution& solution, const Replicates& replicates, double samples,
-                                 const Rgb& sky) {
+                                 const Solution& solution, const Replicates& replicates, double samples, const Rgb& sky) {
   const size_t n = patches.size(), probes = replicates.patches.size();
   const std::vector<Rgb> r = carried(patches, direct, solution);
   const Neighbourhood near(patches);
@@ -142,7 +141,8 @@ std::vector<Rgb> irradianceError(const FormFactorMatrix& f, const PatchSet& patc
       gather(*replicates.rows, part, field, again.data());
       for (size_t k = 0; k < part.size(); ++k) {
         const Eigen::RowVector3d carries = own[k] - again[k];
-        const Rgb change = (f.shares(part[k]).missed - replicates.rows->shares(part[k]).missed) * sky + Rgb(carries[0], carries[1], carries[2]);
+        const Rgb change =
+            (f.shares(part[k]).missed - replicates.rows->shares(part[k]).missed) * sky + Rgb(carries[0], carries[1], carries[2]);
         found[at + k] = (replicates.better ? 1.0 : 0.5) * change * change;
         if (replicates.better) bias[at + k] = change;
       }

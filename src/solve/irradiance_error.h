@@ -27,7 +27,6 @@ struct Replicates {
 // nearest patches show. Then what the errors of other rows bring is added, through (I - F rho)^-1 between at most 96
 // groups of neighbours. Two standard errors cover the true error of about 95 patches of 100.
 std::vector<Rgb> irradianceError(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct,
-                                 const Solution& solution, const Replicates& replicates, double samples,
-                                 const Rgb& sky);
+                                 const Solution& solution, const Replicates& replicates, double samples, const Rgb& sky);
 
 }  // namespace farol

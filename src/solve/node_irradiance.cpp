@@ -38,13 +38,11 @@ Rgb interpolate(const CellGrid& g, bool parallelogram, const Rgb* nodes, double 
   if (parallelogram) {
     const uint32_t i = std::min(static_cast<uint32_t>(x), g.nu - 1);
     const double s = x - i, t = y - j;
-    return (1 - t) * ((1 - s) * node(i, j) + s * node(i + 1, j)) +
-           t * ((1 - s) * node(i, j + 1) + s * node(i + 1, j + 1));
+    return (1 - t) * ((1 - s) * node(i, j) + s * node(i + 1, j)) + t * ((1 - s) * node(i, j + 1) + s * node(i + 1, j + 1));
   }
   const uint32_t i = std::min(static_cast<uint32_t>(x), g.nu - 1 - j);
   const double s = x - i, t = y - j;
-  if (s + t <= 1 || i + j + 1 >= g.nu)
-    return node(i, j) + s * (node(i + 1, j) - node(i, j)) + t * (node(i, j + 1) - node(i, j));
+  if (s + t <= 1 || i + j + 1 >= g.nu) return node(i, j) + s * (node(i + 1, j) - node(i, j)) + t * (node(i, j + 1) - node(i, j));
   const Rgb& far = node(i + 1, j + 1);
   return far + (1 - s) * (node(i, j + 1) - far) + (1 - t) * (node(i + 1, j) - far);
 }
@@ -132,8 +130,7 @@ class Builder {
   Vec3 shadingNormal(const Facet& f, double u, double v) const {
     const Surface& s = scene_.surfaces[f.surface];
     if (s.normals.empty()) return f.normal;
-    const Vec3 &o = s.normals[f.vertices[0]], &a = s.normals[f.vertices[1]],
-               &b = s.normals[f.vertices[f.parallelogram ? 3 : 2]];
+    const Vec3 &o = s.normals[f.vertices[0]], &a = s.normals[f.vertices[1]], &b = s.normals[f.vertices[f.parallelogram ? 3 : 2]];
     const Vec3 n = o + u * (a - o) + v * (b - o);
     const double length = glm::length(n);
     return length > 0 && glm::dot(n, f.normal) > 0 ? n / length : f.normal;
@@ -143,8 +140,7 @@ class Builder {
     const uint32_t point = welder_.add(p);
     if (point == firstCluster_.size()) firstCluster_.push_back(kNone);
     for (uint32_t c = firstCluster_[point]; c != kNone; c = clusters_[c].next) {
-      if (glm::dot(clusters_[c].shading, shading) > kSmoothNormal &&
-          glm::dot(clusters_[c].geometric, geometric) > kSmoothFold)
+      if (glm::dot(clusters_[c].shading, shading) > kSmoothNormal && glm::dot(clusters_[c].geometric, geometric) > kSmoothFold)
         return c;
     }
     clusters_.push_back({shading, geometric, {}, {}, firstCluster_[point]});
@@ -187,7 +183,8 @@ class Builder {
     for (const Touch& t : touching_) {
       if (t.weight > 0) widen(ofCluster[t.cluster], cellValues_[t.cell], cellValues_[t.cell]);
     }
-    for (const Touch& t : touching_) widen(ofPatch[patches_.cellMap[t.cell]], ofCluster[t.cluster].first, ofCluster[t.cluster].second);
+    for (const Touch& t : touching_)
+      widen(ofPatch[patches_.cellMap[t.cell]], ofCluster[t.cluster].first, ofCluster[t.cluster].second);
     constexpr double kSlope = 1.5;  // that the darkest and the brightest of all neighbours may have
     for (size_t p = 0; p < ofPatch.size(); ++p) widen(ofPatch[p], irradiance_[p] / kSlope, irradiance_[p] * kSlope);
     return ofPatch;
@@ -289,8 +286,7 @@ class Builder {
   Vec2 coordinatesOf(const Facet& f, const Vec3& p) const {
     const Vec3& o = facets_.points[f.corners[0]];
     const Vec3 a = facets_.points[f.corners[1]] - o, b = facets_.points[f.vCorner()] - o, d = p - o;
-    const double aa = glm::dot(a, a), ab = glm::dot(a, b), bb = glm::dot(b, b), da = glm::dot(d, a),
-                 db = glm::dot(d, b);
+    const double aa = glm::dot(a, a), ab = glm::dot(a, b), bb = glm::dot(b, b), da = glm::dot(d, a), db = glm::dot(d, b);
     const double det = aa * bb - ab * ab;
     return {(da * bb - db * ab) / det, (db * aa - da * ab) / det};
   }
@@ -327,8 +323,8 @@ class Builder {
 
 }  // namespace
 
-NodeIrradiance::NodeIrradiance(const Scene& scene, const FacetSet& facets, const PatchSet& patches,
-                               const FormFactorMatrix* f, const std::vector<Rgb>& irradiance)
+NodeIrradiance::NodeIrradiance(const Scene& scene, const FacetSet& facets, const PatchSet& patches, const FormFactorMatrix* f,
+                               const std::vector<Rgb>& irradiance)
     : facets_(facets), patches_(patches) {
   Builder(scene, facets, patches, f, irradiance).run(firstNode_, values_);
 }

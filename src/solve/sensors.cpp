@@ -19,9 +19,8 @@ struct Gathered : PathSink {
 }  // namespace
 
 std::vector<SensorReading> readSensors(const RayTree& tree, const Tracer& tracer, const FacetSet& facets, const PatchSet& patches,
-                                       const DirectIrradiance& lamps, const DirectLight& direct,
-                                       const Solution& solution, std::span<const Sensor> sensors,
-                                       const SensorOptions& options) {
+                                       const DirectIrradiance& lamps, const DirectLight& direct, const Solution& solution,
+                                       std::span<const Sensor> sensors, const SensorOptions& options) {
   std::vector<Rgb> carried = solution.radiosity;
   for (size_t j = 0; j < carried.size(); ++j) {
     if (direct.isApart(j)) carried[j] -= patches.patches[j].emission;
@@ -62,8 +61,8 @@ std::vector<SensorReading> readSensors(const RayTree& tree, const Tracer& tracer
           if (!tree.specular(patch)) continue;
           const uint32_t facet = hits.facet[l];
           specular.push_back({tree.pointOn(facet, static_cast<double>(hits.u[l]), static_cast<double>(hits.v[l])),
-                              glm::normalize(Vec3(packet.dx[l], packet.dy[l], packet.dz[l])), Rgb(1), facet, patch, back,
-                              kNone, 0});
+                              glm::normalize(Vec3(packet.dx[l], packet.dy[l], packet.dz[l])), Rgb(1), facet, patch, back, kNone,
+                              0});
         }
       }
       if (!specular.empty()) {

@@ -25,8 +25,7 @@ struct SensorOptions {
 // H at each sensor: direct light as for patches, at the point, plus what rays over the hemisphere bring from the solved
 // radiosity of the patches they meet. The error comes from the means of 16 blocks of rays and the shadow rays' spread.
 std::vector<SensorReading> readSensors(const RayTree& tree, const Tracer& tracer, const FacetSet& facets, const PatchSet& patches,
-                                       const DirectIrradiance& lamps, const DirectLight& direct,
-                                       const Solution& solution, std::span<const Sensor> sensors,
-                                       const SensorOptions& options);
+                                       const DirectIrradiance& lamps, const DirectLight& direct, const Solution& solution,
+                                       std::span<const Sensor> sensors, const SensorOptions& options);
 
 }  // namespace farol

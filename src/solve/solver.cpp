@@ -76,8 +76,8 @@ void requireSteadyState(const FormFactorMatrix& f, const PatchSet& patches, cons
   }
 }
 
-Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct,
-                   const Scene& scene, const SolveOptions& options, const Log& log) {
+Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct, const Scene& scene,
+                   const SolveOptions& options, const Log& log) {
   requireSteadyState(f, patches, scene, options.sky);
   System system(f, patches, direct, options.sky);
   const std::optional<Rgb> colour = system.makeOneColour();
@@ -87,8 +87,8 @@ Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const Dir
   result.bound = system.bound;
   Progress progress(log, "solve", "sweeps", 0);
   const auto refuse = [&](const std::string& found) {
-    throw Error("{}: the solution diverges: after {} sweeps {}; reflectance times row sum reaches {:.6f} in row {}",
-                scene.path, result.sweeps, found, system.bound, system.worstRow);
+    throw Error("{}: the solution diverges: after {} sweeps {}; reflectance times row sum reaches {:.6f} in row {}", scene.path,
+                result.sweeps, found, system.bound, system.worstRow);
   };
   std::optional<GpuJacobi> onDevice;
   HostSweeps onHost(system, patches);
@@ -164,7 +164,8 @@ Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const Dir
     // which leaves that part small beside the others, the ratio of its last changes does. Conjugate residuals know.
     const Contraction found = krylov ? Contraction{} : contractionOn(system, patches, r);
     if (made.stuck) result.kind = SolverKind::gaussSeidel;
-    if (system.bound > 1 && !krylov && result.sweeps >= kFirstLook && change > 0 && change >= result.history[result.history.size() / 2]) {
+    if (system.bound > 1 && !krylov && result.sweeps >= kFirstLook && change > 0 &&
+        change >= result.history[result.history.size() / 2]) {
       // Over two sweeps: rows that are not reciprocal may grow in one and shrink in the next.
       const double growth = std::sqrt(found.ofNorm * contractionOn(system, patches, system.reflectOnce(Field(r))).ofNorm);
       if (growth >= 1) refuse(fmt::format("a sweep multiplies the residual by {:.4f}", growth));
@@ -212,8 +213,8 @@ Solution solveOneF(const FormFactorMatrix& f, const PatchSet& patches, const Dir
 }  // namespace
 
 // Three F: each channel is solved with its own.
-Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct,
-                        const Scene& scene, const SolveOptions& options, const Log& log) {
+Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct, const Scene& scene,
+                        const SolveOptions& options, const Log& log) {
   Solution result = solveOneF(f, patches, direct, scene, options, log);
   for (int c = 1; c < 3 && f.coloured(); ++c) {
     const Solution own = solveOneF(f.ofChannel(c), patches, direct, scene, options, log);
@@ -250,8 +251,8 @@ SweepSeconds measureSweeps(const FormFactorMatrix& f, const PatchSet& patches, c
   return seconds;
 }
 
-EnergyBalance energyBalance(const FormFactorMatrix& f, const PatchSet& patches, const Solution& solution,
-                            const Rgb& sky, const std::vector<Rgb>& fromPunctual) {
+EnergyBalance energyBalance(const FormFactorMatrix& f, const PatchSet& patches, const Solution& solution, const Rgb& sky,
+                            const std::vector<Rgb>& fromPunctual) {
   EnergyBalance e;
   for (size_t i = 0; i < patches.size(); ++i) {
     const Patch& p = patches.patches[i];
@@ -274,7 +275,8 @@ EnergyBalance energyBalance(const FormFactorMatrix& f, const PatchSet& patches, 
   for (int c = 0; c < 3; ++c) {
     const double in = e.emitted[c] + e.fromSky[c] + e.fromPunctual[c];
     if (in > 0)
-      e.relativeError = std::max(e.relativeError, std::abs(e.absorbed[c] + e.toOpen[c] + e.toBacks[c] + e.inSolids[c] + e.cut[c] - in) / in);
+      e.relativeError =
+          std::max(e.relativeError, std::abs(e.absorbed[c] + e.toOpen[c] + e.toBacks[c] + e.inSolids[c] + e.cut[c] - in) / in);
   }
   return e;
 }

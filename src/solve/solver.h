@@ -37,10 +37,10 @@ struct Solution {
   SolverKind kind{};
   int channels = 3;  // that were solved: 1 where all patches are grey and all light has one colour
   size_t sweeps = 0;
-  double residual = 0;     // max|E - B + rho H| over patches and channels [flux per area]
-  double contraction = 0;  // spectral radius of rho F, estimated: what a Jacobi sweep leaves of the residual
-  double bound = 0;        // largest reflectance times row sum: the contraction is not above it
-  double error = 0;        // residual / (1 - contraction) over the mean radiosity of non-emitters
+  double residual = 0;          // max|E - B + rho H| over patches and channels [flux per area]
+  double contraction = 0;       // spectral radius of rho F, estimated: what a Jacobi sweep leaves of the residual
+  double bound = 0;             // largest reflectance times row sum: the contraction is not above it
+  double error = 0;             // residual / (1 - contraction) over the mean radiosity of non-emitters
   std::string deviceFailure;    // why the device was left for the CPU; empty when it was not
   std::vector<double> history;  // the first residual, then each sweep's largest change, or residual (conjugate residuals)
 };
@@ -48,8 +48,8 @@ struct Solution {
 // B and the residual are in double. Throws Error when the scene has no steady state: a closed part that
 // receives light and absorbs none (naming a surface and channel), or a residual that grows. Not converging
 // within maxSweeps is an answer, not an error.
-Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct,
-                        const Scene& scene, const SolveOptions& options, const Log& log);
+Solution solveRadiosity(const FormFactorMatrix& f, const PatchSet& patches, const DirectLight& direct, const Scene& scene,
+                        const SolveOptions& options, const Log& log);
 
 // Seconds of a Jacobi sweep here and on the device, and of bringing F there; from a few sweeps.
 struct SweepSeconds {
@@ -58,14 +58,15 @@ struct SweepSeconds {
 SweepSeconds measureSweeps(const FormFactorMatrix& f, const PatchSet& patches, const gpu::Device& device);
 
 // Power in and out of the scene, per channel [flux]; for a converged solution of a reciprocal F,
-// emitted + fromSky + fromPunctual = absorbed + toOpen + toBacks + inSolids + cut. Of punctual lights only what reaches surfaces counts.
+// emitted + fromSky + fromPunctual = absorbed + toOpen + toBacks + inSolids + cut. Of punctual lights only what reaches surfaces
+// counts.
 struct EnergyBalance {
   Rgb emitted{0}, fromSky{0}, fromPunctual{0}, absorbed{0}, toOpen{0}, toBacks{0};
-  Rgb inSolids{0}, cut{0};  // taken by clear solids on the way; not followed among mirrors and glass
+  Rgb inSolids{0}, cut{0};   // taken by clear solids on the way; not followed among mirrors and glass
   double relativeError = 0;  // worst channel, relative to the power that comes in
 };
-EnergyBalance energyBalance(const FormFactorMatrix& f, const PatchSet& patches, const Solution& solution,
-                            const Rgb& sky, const std::vector<Rgb>& fromPunctual = {});  // irradiance per patch
+EnergyBalance energyBalance(const FormFactorMatrix& f, const PatchSet& patches, const Solution& solution, const Rgb& sky,
+                            const std::vector<Rgb>& fromPunctual = {});  // irradiance per patch
 
 // Direct light only, from punctual lights and the centre of each emitting patch as if it were a point, nothing in between and no
 // interreflection: the local illumination that radiosity is compared with (Figure 2.1 of the thesis).

@@ -7,9 +7,7 @@
 
 namespace farol {
 
-Field::Field(Channels values, Reading reading) : columns_(std::move(values)), reading_(reading) {
-  pack();
-}
+Field::Field(Channels values, Reading reading) : columns_(std::move(values)), reading_(reading) { pack(); }
 
 void Field::assign(const Channels& values, Reading reading) {
   columns_ = values;

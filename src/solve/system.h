@@ -13,9 +13,7 @@ namespace farol {
 // N x 3, a column per channel: the three systems are advanced together and share every load of F.
 using Channels = Eigen::Matrix<double, Eigen::Dynamic, 3>;
 
-inline double largest(const Channels& v) {
-  return v.size() > 0 ? v.cwiseAbs().maxCoeff() : 0.0;
-}
+inline double largest(const Channels& v) { return v.size() > 0 ? v.cwiseAbs().maxCoeff() : 0.0; }
 
 // What sums over F read a field in: floats are read faster (gather.h), and are enough where a residual in double corrects what
 // comes of it, or where a variance is told.
@@ -73,7 +71,9 @@ class System {
   Channels start() const { return emission + reflectance.cwiseProduct(source); }
   const FormFactorMatrix& factors() const { return f_; }
 
-  void gather(std::span<const size_t> patches, const Field& b, Eigen::RowVector3d* sums) const { farol::gather(f_, patches, b, sums); }
+  void gather(std::span<const size_t> patches, const Field& b, Eigen::RowVector3d* sums) const {
+    farol::gather(f_, patches, b, sums);
+  }
   Eigen::RowVector3d gather(size_t i, const Field& b) const {
     Eigen::RowVector3d sum;
     gather(std::span(&i, 1), b, &sum);
@@ -96,7 +96,7 @@ class System {
   // Largest rho_i / (1 - s_i - t_i) sum_j F_ij (1 - s_j - t_j), with the mirror and transmission shares s and t: no sweep
   // multiplies the largest value of B / (1 - s - t) by more.
   double bound = 0;
-  size_t worstRow = 0;   // where it is reached
+  size_t worstRow = 0;  // where it is reached
 
  private:
   template <typename Use>

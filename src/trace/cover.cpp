@@ -61,8 +61,7 @@ std::vector<Position> exposedPositions(const Tracer& tracer, const FacetSet& fac
   return kept;
 }
 
-ExposedArea findExposedArea(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, int samples,
-                            uint64_t seed) {
+ExposedArea findExposedArea(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, int samples, uint64_t seed) {
   ExposedArea result;
   result.share.assign(patches.size(), 1.0f);
   result.point.resize(patches.size());

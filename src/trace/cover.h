@@ -24,7 +24,6 @@ struct ExposedArea {
   std::vector<float> share;  // [patches]
   std::vector<Vec3> point;   // [patches] the centroid where nothing is covered
 };
-ExposedArea findExposedArea(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, int samples,
-                            uint64_t seed);
+ExposedArea findExposedArea(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, int samples, uint64_t seed);
 
 }  // namespace farol

@@ -8,9 +8,9 @@ namespace farol {
 
 PlanarMirrors::PlanarMirrors(const FacetSet& facets, const PatchSet& patches)
     : facets_(facets), hitPatches_(facets, patches), ofPatch_(patches.size(), kNone) {
-  constexpr double kAlike = 1e-9;                        // of reflectances: means over patches differ in rounding
-  std::map<std::pair<uint32_t, uint32_t>, Vec3> edges;   // of mirrors: the normal of the facet met first
-  std::set<std::pair<uint32_t, uint32_t>> outlined;      // mirrors and their facets
+  constexpr double kAlike = 1e-9;                       // of reflectances: means over patches differ in rounding
+  std::map<std::pair<uint32_t, uint32_t>, Vec3> edges;  // of mirrors: the normal of the facet met first
+  std::set<std::pair<uint32_t, uint32_t>> outlined;     // mirrors and their facets
   for (uint32_t i = 0; i < patches.size(); ++i) {
     const Patch& p = patches.patches[i];
     if (!p.isSpecular()) continue;
@@ -18,8 +18,9 @@ PlanarMirrors::PlanarMirrors(const FacetSet& facets, const PatchSet& patches)
     if (maxChannel(p.mirror) <= 0) continue;
     const double distance = glm::dot(p.normal, facets.frame.toUnit(p.centre));
     uint32_t m = 0;
-    while (m < mirrors_.size() && !(glm::distance(mirrors_[m].normal, p.normal) < kInPlane &&
-                                    std::abs(mirrors_[m].distance - distance) < kInPlane && maxChannel(glm::abs(mirrors_[m].reflectance - p.mirror)) < kAlike))
+    while (m < mirrors_.size() &&
+           !(glm::distance(mirrors_[m].normal, p.normal) < kInPlane && std::abs(mirrors_[m].distance - distance) < kInPlane &&
+             maxChannel(glm::abs(mirrors_[m].reflectance - p.mirror)) < kAlike))
       ++m;
     if (m == kMostPlanes) {
       tooMany_ = true;

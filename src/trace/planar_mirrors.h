@@ -8,8 +8,8 @@ namespace farol {
 
 // All that lies in one plane and reflects alike.
 struct PlanarMirror {
-  Vec3 normal{0};        // on the side that reflects
-  double distance = 0;   // of the plane: normal . p [unit coordinates]
+  Vec3 normal{0};       // on the side that reflects
+  double distance = 0;  // of the plane: normal . p [unit coordinates]
   Rgb reflectance{0};
   std::vector<std::vector<Vec3>> outlines;  // of its facets [unit coordinates]
 

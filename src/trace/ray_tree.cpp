@@ -48,8 +48,8 @@ Rgb RayTree::passed(uint32_t medium, double distance) const {
   return maxChannel(attenuation) > 0 ? glm::exp(-attenuation * (distance * facets_.frame.size)) : Rgb(1);
 }
 
-void RayTree::spawnRay(const Vec3& origin, const Vec3& direction, const Rgb& weight, uint32_t medium, uint32_t depth,
-                       double share, std::vector<Ray>& rays, PathEnds& ends) const {
+void RayTree::spawnRay(const Vec3& origin, const Vec3& direction, const Rgb& weight, uint32_t medium, uint32_t depth, double share,
+                       std::vector<Ray>& rays, PathEnds& ends) const {
   if (maxChannel(weight) <= 0) return;
   if (depth > limits_.maxDepth || maxChannel(weight) < limits_.minWeight * share)
     ends.cut += weight;
@@ -84,8 +84,8 @@ void RayTree::spawn(const SpecularHit& hit, std::vector<Ray>& rays, PathEnds& en
                hit.depth + 1, hit.share, rays, ends);
     }
   }
-  spawnRay(hit.point + facet.rayOffset * normal, hit.direction + 2 * cosine * normal, hit.weight * mirrored, here,
-           hit.depth + 1, hit.share, rays, ends);
+  spawnRay(hit.point + facet.rayOffset * normal, hit.direction + 2 * cosine * normal, hit.weight * mirrored, here, hit.depth + 1,
+           hit.share, rays, ends);
 }
 
 void RayTree::follow(std::span<const SpecularHit> hits, PathSink& sink, PathEnds& ends) const {

@@ -52,7 +52,7 @@ class RayTree {
   RayTree(const Tracer& tracer, const FacetSet& facets, const PatchSet& patches, const TreeLimits& limits);
 
   bool specular(uint32_t patch) const { return optics_[patch].specular; }
-  uint32_t mediumBehind(uint32_t patch) const;  // of rays that start on it: its solid for an inner side, or kNone
+  uint32_t mediumBehind(uint32_t patch) const;             // of rays that start on it: its solid for an inner side, or kNone
   Vec3 pointOn(uint32_t facet, double u, double v) const;  // a little inside its edges [unit coordinates]
   Rgb passed(uint32_t medium, double distance) const;      // share left after a distance [unit coordinates]
 
@@ -68,8 +68,8 @@ class RayTree {
     double share;
   };
   void spawn(const SpecularHit& hit, std::vector<Ray>& rays, PathEnds& ends) const;
-  void spawnRay(const Vec3& origin, const Vec3& direction, const Rgb& weight, uint32_t medium, uint32_t depth,
-                double share, std::vector<Ray>& rays, PathEnds& ends) const;
+  void spawnRay(const Vec3& origin, const Vec3& direction, const Rgb& weight, uint32_t medium, uint32_t depth, double share,
+                std::vector<Ray>& rays, PathEnds& ends) const;
 
   struct PatchOptics {
     Rgb mirror, transmission;

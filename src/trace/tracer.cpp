@@ -117,8 +117,7 @@ struct Tracer::Impl {
     rtcCommitScene(scene);
     if (const RTCError error = rtcGetDeviceError(device); error != RTC_ERROR_NONE) {
       release();
-      throw Error("Embree cannot build its hierarchy over {} facets: error {}", facets.facets.size(),
-                  static_cast<int>(error));
+      throw Error("Embree cannot build its hierarchy over {} facets: error {}", facets.facets.size(), static_cast<int>(error));
     }
     for (size_t i = 0; i < normals.size(); ++i) normals[i] = glm::vec3(facets.facets[i].normal);
     width = packetWidth(device);
@@ -137,13 +136,12 @@ struct Tracer::Impl {
     }
     if (ids.empty()) return;
     const size_t corners = parallelograms ? 4 : 3;
-    RTCGeometry geometry =
-        rtcNewGeometry(device, parallelograms ? RTC_GEOMETRY_TYPE_QUAD : RTC_GEOMETRY_TYPE_TRIANGLE);
-    auto* points = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                                                               3 * sizeof(float), facets.points.size()));
-    auto* indices = static_cast<uint32_t*>(rtcSetNewGeometryBuffer(
-        geometry, RTC_BUFFER_TYPE_INDEX, 0, parallelograms ? RTC_FORMAT_UINT4 : RTC_FORMAT_UINT3,
-        corners * sizeof(uint32_t), ids.size()));
+    RTCGeometry geometry = rtcNewGeometry(device, parallelograms ? RTC_GEOMETRY_TYPE_QUAD : RTC_GEOMETRY_TYPE_TRIANGLE);
+    auto* points = static_cast<float*>(
+        rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, 3 * sizeof(float), facets.points.size()));
+    auto* indices = static_cast<uint32_t*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0,
+                                                                   parallelograms ? RTC_FORMAT_UINT4 : RTC_FORMAT_UINT3,
+                                                                   corners * sizeof(uint32_t), ids.size()));
     if (points == nullptr || indices == nullptr) throw Error("Embree has no memory for {} facets", ids.size());
     for (const Vec3& p : facets.points) {
       for (int c = 0; c < 3; ++c) *points++ = static_cast<float>(p[c]);
@@ -215,9 +213,7 @@ bool Tracer::seenFromBehind(uint32_t facet, const RayPacket& rays, uint32_t k) c
   return rays.dx[k] * n.x + rays.dy[k] * n.y + rays.dz[k] * n.z > 0;
 }
 
-std::string Tracer::description() const {
-  return describe(impl_->width);
-}
+std::string Tracer::description() const { return describe(impl_->width); }
 
 std::string Tracer::versionText() {
   RTCDevice device = rtcNewDevice(nullptr);
@@ -229,8 +225,8 @@ std::string Tracer::versionText() {
 HitPatches::HitPatches(const FacetSet& facets, const PatchSet& patches) : cellMap_(patches.cellMap) {
   for (size_t i = 0; i < facets.facets.size(); ++i) {
     const CellGrid& g = patches.grids[i];
-    records_.push_back({glm::vec3(facets.facets[i].normal), static_cast<float>(g.nu), static_cast<float>(g.nv), g.nu - 1, g.nv - 1, g.frontCell,
-                        g.backCell, facets.facets[i].parallelogram});
+    records_.push_back({glm::vec3(facets.facets[i].normal), static_cast<float>(g.nu), static_cast<float>(g.nv), g.nu - 1, g.nv - 1,
+                        g.frontCell, g.backCell, facets.facets[i].parallelogram});
   }
 }
 

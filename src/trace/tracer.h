@@ -76,8 +76,7 @@ class HitPatches {
     const uint32_t iv = std::min(static_cast<uint32_t>(std::max(fv, 0.0f)), r.lastV);
     if (r.parallelogram) return cellMap_[first + iv * (r.lastU + 1) + iu];
     const uint32_t n = r.lastU + 1, column = std::min(iu, n - 1 - iv);
-    const bool inverted =
-        (fu - static_cast<float>(column)) + (fv - static_cast<float>(iv)) > 1 && column + iv + 1 < n;
+    const bool inverted = (fu - static_cast<float>(column)) + (fv - static_cast<float>(iv)) > 1 && column + iv + 1 < n;
     return cellMap_[first + iv * (2 * n - iv) + 2 * column + (inverted ? 1 : 0)];
   }
 

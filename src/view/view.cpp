@@ -43,9 +43,7 @@ Projection4 projectionOf(const Camera& camera, double aspect, double sceneSize, 
   return p;
 }
 
-shader::vec4 rowOf(const Row& r) {
-  return shader::toVec4(r, r.w);
-}
+shader::vec4 rowOf(const Row& r) { return shader::toVec4(r, r.w); }
 
 class Shader {
  public:
@@ -97,8 +95,9 @@ class Shader {
   uint32_t specularPatch(uint32_t facet, bool back, Vec2 uv) const {
     if (options_.tree == nullptr || !irradiance_.has(facet, back)) return kNone;
     const CellGrid& grid = options_.patches->grids[facet];
-    const uint32_t patch = options_.patches->cellMap[(back ? grid.backCell : grid.frontCell) +
-                                                     cellAt(grid, facets_.facets[facet].parallelogram, uv.x, uv.y)];
+    const uint32_t patch =
+        options_.patches
+            ->cellMap[(back ? grid.backCell : grid.frontCell) + cellAt(grid, facets_.facets[facet].parallelogram, uv.x, uv.y)];
     return patch != kNone && options_.tree->specular(patch) ? patch : kNone;
   }
 
@@ -163,8 +162,8 @@ Rgb shadePixel(const Shader& shade, const uint32_t* seen, const float* uv, uint3
 
 }  // namespace
 
-Image renderView(const gpu::Device& device, const Scene& scene, const FacetSet& facets,
-                 const NodeIrradiance& irradiance, const Camera& camera, const ViewOptions& options, const Log& log) {
+Image renderView(const gpu::Device& device, const Scene& scene, const FacetSet& facets, const NodeIrradiance& irradiance,
+                 const Camera& camera, const ViewOptions& options, const Log& log) {
   const uint32_t n = std::min(options.samples, 8u);
   const uint32_t tile = std::min(kTile, device.limits().maxImageSize / n);
   const uint32_t tileWidth = std::min(tile, options.width), tileHeight = std::min(tile, options.height);
@@ -211,13 +210,12 @@ Image renderView(const gpu::Device& device, const Scene& scene, const FacetSet& 
       commands.copyColor(target, 1, 1, uv);
       commands.submit();
       commands.wait();
-      const uint32_t width = std::min(tileWidth, options.width - x0),
-                     height = std::min(tileHeight, options.height - y0);
+      const uint32_t width = std::min(tileWidth, options.width - x0), height = std::min(tileHeight, options.height - y0);
       tbb::parallel_for(uint32_t{0}, height, [&](uint32_t y) {
         for (uint32_t x = 0; x < width; ++x) {
           const size_t first = static_cast<size_t>(y) * n * sampleWidth + size_t{x} * n;
-          const Rgb value = shadePixel(shade, seen.as<const uint32_t>().data() + first,
-                                       uv.as<const float>().data() + 2 * first, sampleWidth, n);
+          const Rgb value =
+              shadePixel(shade, seen.as<const uint32_t>().data() + first, uv.as<const float>().data() + 2 * first, sampleWidth, n);
           for (int c = 0; c < 3; ++c) image.pixel(x0 + x, y0 + y)[c] = static_cast<float>(value[c]);
         }
       });

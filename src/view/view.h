@@ -12,16 +12,16 @@ namespace farol {
 
 struct ViewOptions {
   uint32_t width = 1280, height = 720;
-  uint32_t samples = 4;  // along an edge of a pixel
-  Rgb sky{0};            // radiosity of the background
-  const RayTree* tree = nullptr;  // the second pass: what mirrors and glass show, traced from the camera; none: black
+  uint32_t samples = 4;               // along an edge of a pixel
+  Rgb sky{0};                         // radiosity of the background
+  const RayTree* tree = nullptr;      // the second pass: what mirrors and glass show, traced from the camera; none: black
   const PatchSet* patches = nullptr;  // for either of the two
   // Colours to show instead of light, flat per patch.
   const std::vector<Rgb>* colors = nullptr;
 };
 
 // Linear radiance per pixel.
-Image renderView(const gpu::Device& device, const Scene& scene, const FacetSet& facets,
-                 const NodeIrradiance& irradiance, const Camera& camera, const ViewOptions& options, const Log& log);
+Image renderView(const gpu::Device& device, const Scene& scene, const FacetSet& facets, const NodeIrradiance& irradiance,
+                 const Camera& camera, const ViewOptions& options, const Log& log);
 
 }  // namespace farol

@@ -24,10 +24,8 @@ double rowError(uint32_t resolution, Projection projection) {
     options.seed = static_cast<uint64_t>(seed);
     RasterRun run(loadSurfaces(surfaces), {600, 0}, options);
     const uint32_t receiver = run.patchesOf("receiver").at(0);
-    RasterRowMaker(device(), run.facets, run.patches, options)
-        .makeRows(std::vector<uint32_t>{receiver}, run.f, [](size_t) {});
-    const Vec3 eye = run.facets.frame.toUnit(run.patches.patches[receiver].centre),
-               normal = run.patches.patches[receiver].normal;
+    RasterRowMaker(device(), run.facets, run.patches, options).makeRows(std::vector<uint32_t>{receiver}, run.f, [](size_t) {});
+    const Vec3 eye = run.facets.frame.toUnit(run.patches.patches[receiver].centre), normal = run.patches.patches[receiver].normal;
     double error = 0;
     for (uint32_t j = 0; j < run.patches.size(); ++j) {
       const Cell& cell = run.patches.cells[run.patches.cellsOf(j)[0]];
@@ -37,8 +35,7 @@ double rowError(uint32_t resolution, Projection projection) {
         const Vec2 uv = cellPoint(run.patches.grids[cell.facet], true, cell, corner.x, corner.y);
         polygon.push_back(run.facets.point(facet, uv.x, uv.y));
       }
-      error += std::abs(run.f[receiver].at(j) -
-                        (j == receiver ? 0 : pointToPolygon(eye, normal, polygon)));
+      error += std::abs(run.f[receiver].at(j) - (j == receiver ? 0 : pointToPolygon(eye, normal, polygon)));
     }
     squares += error * error;
   }

@@ -22,8 +22,7 @@ class RasterFormFactors : public ::testing::TestWithParam<size_t> {
 TEST_P(RasterFormFactors, MatchClosedForm) {
   RasterOptions options;
   options.resolution = 128;
-  options.positions =
-      hasElement() ? 64 : 9;  // an element is one patch: what other cases have in patches it gets in turns
+  options.positions = hasElement() ? 64 : 9;  // an element is one patch: what other cases have in patches it gets in turns
   PatchOptions patches;
   if (hasElement())
     patches.size = 100;
@@ -67,9 +66,7 @@ TEST_P(RasterFormFactors, DoNotDependOnPlacement) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Truth, RasterFormFactors, ::testing::Range<size_t>(0, truthCases().size()),
-                         [](const auto& parameter) {
-                           return TruthCase(parameter.param).id();
-                         });
+                         [](const auto& parameter) { return TruthCase(parameter.param).id(); });
 
 // Faceted spheres approach the sphere with the square of the facet size.
 TEST(RasterFormFactorsOfSpheres, ErrorFallsWithFacetSizeSquared) {

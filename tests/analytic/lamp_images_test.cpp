@@ -1,8 +1,9 @@
 // Lamps in planar mirrors, against closed forms of their images and against rows that count every path.
+#include "light/lamp_images.h"
+
 #include "factor_run.h"
 #include "formfactor/analytic.h"
 #include "light/direct.h"
-#include "light/lamp_images.h"
 #include "patch/positions.h"
 
 #include <gtest/gtest.h>
@@ -37,7 +38,8 @@ struct Lit {
   double unoccluded(uint32_t patch, std::vector<Vec3> polygon, bool reflected) const {
     if (reflected) std::reverse(polygon.begin(), polygon.end());
     double sum = 0;
-    for (const Position& p : positionsOn(run.facets, run.patches, patch, 64, 1)) sum += p.weight * pointToPolygon(p.point, p.normal, polygon);
+    for (const Position& p : positionsOn(run.facets, run.patches, patch, 64, 1))
+      sum += p.weight * pointToPolygon(p.point, p.normal, polygon);
     return kLampEmission * sum;
   }
   double fluxOf(const std::string& surface) const {
@@ -78,7 +80,8 @@ TEST(LampImages, ShineFromACornerOfMirrors) {
       if (lit.run.patches.patches[i].centre.z > 2.3) continue;  // beside the lamp, or behind it
       const std::vector<Vec3>& lamp = lit.lamps[0].polygon;
       const Rgb exact = lit.unoccluded(i, lamp, false) + ofX * lit.unoccluded(i, reflected(lamp, true, false), true) +
-                        ofY * lit.unoccluded(i, reflected(lamp, false, true), true) + ofX * ofY * lit.unoccluded(i, reflected(lamp, true, true), false);
+                        ofY * lit.unoccluded(i, reflected(lamp, false, true), true) +
+                        ofX * ofY * lit.unoccluded(i, reflected(lamp, true, true), false);
       const Rgb error = lit.direct.irradiance[i] - exact;
       worst = std::max(worst, maxChannel(glm::abs(error)) / maxChannel(exact));
       squares += error.r * error.r;
@@ -168,14 +171,14 @@ TEST(PlanarMirrors, ConnectOverTheMirrorsNamedOnly) {
     return arrived != 0;
   };
   EXPECT_TRUE(connects({3, 2, 2}, {}));
-  EXPECT_FALSE(connects({-1, 2, 2}, {}));       // behind the wall
-  EXPECT_TRUE(connects({-1, 2, 2}, {x}));       // an image in it
+  EXPECT_FALSE(connects({-1, 2, 2}, {}));  // behind the wall
+  EXPECT_TRUE(connects({-1, 2, 2}, {x}));  // an image in it
   EXPECT_FALSE(connects({-1, 2, 2}, {y}));
-  EXPECT_FALSE(connects({1, 1, 1.5}, {x}));     // before the mirror: nothing that it shows
-  EXPECT_FALSE(connects({-1, 2, 3}, {x}));      // the image of something above the ceiling
-  EXPECT_TRUE(connects({-3, -1, 2}, {x, y}));   // meets x0 at y = 0.2 first
+  EXPECT_FALSE(connects({1, 1, 1.5}, {x}));    // before the mirror: nothing that it shows
+  EXPECT_FALSE(connects({-1, 2, 3}, {x}));     // the image of something above the ceiling
+  EXPECT_TRUE(connects({-3, -1, 2}, {x, y}));  // meets x0 at y = 0.2 first
   EXPECT_FALSE(connects({-3, -1, 2}, {y, x}));
-  EXPECT_TRUE(connects({-1, -2, 2}, {y, x}));   // meets y0 at x = 1 first
+  EXPECT_TRUE(connects({-1, -2, 2}, {y, x}));  // meets y0 at x = 1 first
   EXPECT_FALSE(connects({-1, -2, 2}, {y}));
 }
 
@@ -198,11 +201,13 @@ TEST(PlanarMirrors, AreOnePerPlaneAndReflectance) {
 
 TEST(LampImages, NeedALampBeforeTheMirrorAndAMirrorBeforeTheLamp) {
   std::vector<TestSurface> surfaces = room();
-  surfaces.push_back({"mirror", {{{0.5, 0.5, 0.4}, {0.5, 0.5, 2.2}, {0.5, 2.5, 2.2}, {0.5, 2.5, 0.4}}}, Rgb(0)});  // faces x0: away from the lamp
+  surfaces.push_back(
+      {"mirror", {{{0.5, 0.5, 0.4}, {0.5, 0.5, 2.2}, {0.5, 2.5, 2.2}, {0.5, 2.5, 0.4}}}, Rgb(0)});  // faces x0: away from the lamp
   surfaces.back().mirror = Rgb(1);
   EXPECT_EQ(Lit(surfaces, 200, 16).images->size(), 0u);
   surfaces = room();
-  surfaces.push_back({"mirror", {{{1, 1, 2.65}, {1, 1.5, 2.65}, {2, 1.5, 2.65}, {2, 1, 2.65}}}, Rgb(0)});  // behind the lamp, facing its back
+  surfaces.push_back(
+      {"mirror", {{{1, 1, 2.65}, {1, 1.5, 2.65}, {2, 1.5, 2.65}, {2, 1, 2.65}}}, Rgb(0)});  // behind the lamp, facing its back
   surfaces.back().mirror = Rgb(1);
   EXPECT_EQ(Lit(surfaces, 200, 16).images->size(), 0u);
 }
@@ -210,7 +215,8 @@ TEST(LampImages, NeedALampBeforeTheMirrorAndAMirrorBeforeTheLamp) {
 // A floor of 4 x 3 before a wall that is a mirror, 2 high, at x = 0. What a patch of the floor gets by a light and its image.
 const Rgb kWall(0.9, 0.6, 0.3);
 std::vector<TestSurface> floorBeforeAMirror() {
-  return {{"floor", {{{0, 0, 0}, {4, 0, 0}, {4, 3, 0}, {0, 3, 0}}}, Rgb(0)}, {"wall", {{{0, 0, 0}, {0, 3, 0}, {0, 3, 2}, {0, 0, 2}}}, Rgb(0), Rgb(0), false, kWall}};
+  return {{"floor", {{{0, 0, 0}, {4, 0, 0}, {4, 3, 0}, {0, 3, 0}}}, Rgb(0)},
+          {"wall", {{{0, 0, 0}, {0, 3, 0}, {0, 3, 2}, {0, 0, 2}}}, Rgb(0), Rgb(0), false, kWall}};
 }
 
 struct LitByPoints {
@@ -221,11 +227,13 @@ struct LitByPoints {
     if (found) images = *found;
     std::vector<PunctualLight> all = lights;
     all.insert(all.end(), images.begin(), images.end());
-    direct = DirectIrradiance(run.tracer, run.facets, run.patches, {}, all, {256, 1, &mirrors}).compute(std::vector<double>(run.patches.size(), 1.0));
+    direct = DirectIrradiance(run.tracer, run.facets, run.patches, {}, all, {256, 1, &mirrors})
+                 .compute(std::vector<double>(run.patches.size(), 1.0));
   }
   Rgb mean(uint32_t patch, const PunctualLight& light) const {
     Rgb sum(0);
-    for (const Position& p : positionsOn(run.facets, run.patches, patch, 64, 1)) sum += p.weight * unoccludedIrradiance(light, run.facets.frame.toScene(p.point), p.normal);
+    for (const Position& p : positionsOn(run.facets, run.patches, patch, 64, 1))
+      sum += p.weight * unoccludedIrradiance(light, run.facets.frame.toScene(p.point), p.normal);
     return sum;
   }
   RayRun run;
@@ -236,7 +244,13 @@ struct LitByPoints {
 
 TEST(LightImages, OfPointsAndSpotsShineOverAMirror) {
   const PunctualLight point{.name = "point", .position = {1.5, 1.2, 1.4}, .intensity = Rgb(10, 20, 30), .range = 9};
-  PunctualLight spot{.name = "spot", .kind = PunctualLight::Kind::spot, .position = {2, 1.5, 1.8}, .direction = glm::normalize(Vec3(-2, 0, -1.8)), .intensity = Rgb(100), .innerCone = 0.1, .outerCone = 0.5};
+  PunctualLight spot{.name = "spot",
+                     .kind = PunctualLight::Kind::spot,
+                     .position = {2, 1.5, 1.8},
+                     .direction = glm::normalize(Vec3(-2, 0, -1.8)),
+                     .intensity = Rgb(100),
+                     .innerCone = 0.1,
+                     .outerCone = 0.5};
   for (const PunctualLight& light : {point, spot}) {
     const LitByPoints lit({light});
     ASSERT_EQ(lit.images.size(), 1u);
@@ -257,14 +271,16 @@ TEST(LightImages, OfPointsAndSpotsShineOverAMirror) {
 
 // The strip of the floor that the wall throws light on is three quarters of its height wide.
 TEST(LightImages, OfTheSunLightAStripBeforeAMirror) {
-  const PunctualLight sun{.name = "sun", .kind = PunctualLight::Kind::directional, .direction = {-0.6, 0, -0.8}, .intensity = Rgb(5)};
+  const PunctualLight sun{
+      .name = "sun", .kind = PunctualLight::Kind::directional, .direction = {-0.6, 0, -0.8}, .intensity = Rgb(5)};
   const LitByPoints lit({sun});
   ASSERT_EQ(lit.images.size(), 1u);
   Rgb flux(0);
   for (const uint32_t i : lit.run.patchesOf("floor")) flux += lit.run.patches.patches[i].area * lit.direct.irradiance[i];
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(flux[c], 5 * 0.8 * (12 + kWall[c] * 1.5 * 3), 0.01 * flux[c]);
   // From the other side it meets the back of the wall, which is black.
-  const PunctualLight behind{.name = "behind", .kind = PunctualLight::Kind::directional, .direction = {0.6, 0, -0.8}, .intensity = Rgb(5)};
+  const PunctualLight behind{
+      .name = "behind", .kind = PunctualLight::Kind::directional, .direction = {0.6, 0, -0.8}, .intensity = Rgb(5)};
   EXPECT_TRUE(LitByPoints({behind}).images.empty());
   EXPECT_TRUE(LitByPoints({{.name = "point behind", .position = {-1, 1, 1}, .intensity = Rgb(1)}}).images.empty());
 }

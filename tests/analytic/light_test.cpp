@@ -68,7 +68,8 @@ TEST(DirectLight, OfALampIsTheClosedFormWhereNothingBlocks) {
 TEST(DirectLight, OfABentPatchIsTheMeanOverItsPieces) {
   const double fall = std::tan(20 * kPi / 180);
   const std::vector<TestSurface> surfaces{
-      {"roof", {{{-2, 0, -2 * fall}, {0, 0, 0}, {0, 1, 0}, {-2, 1, -2 * fall}}, {{0, 0, 0}, {1, 0, -fall}, {1, 1, -fall}, {0, 1, 0}}}},
+      {"roof",
+       {{{-2, 0, -2 * fall}, {0, 0, 0}, {0, 1, 0}, {-2, 1, -2 * fall}}, {{0, 0, 0}, {1, 0, -fall}, {1, 1, -fall}, {0, 1, 0}}}},
       {"lamp", {{{2, 0.4, 1}, {2, 0.7, 1}, {2.3, 0.7, 1}, {2.3, 0.4, 1}}}, Rgb(0), Rgb(100)}};
   PatchOptions one{0, 10};
   one.cluster = 45;
@@ -132,7 +133,8 @@ TEST(DirectLight, RaysGoWhereShadowsEnd) {
 TEST(DirectLight, OfABentPatchKnowsWhichPieceIsInShadow) {
   const double fall = std::tan(20 * kPi / 180);
   const std::vector<TestSurface> surfaces{
-      {"roof", {{{-2, 0, -2 * fall}, {0, 0, 0}, {0, 1, 0}, {-2, 1, -2 * fall}}, {{0, 0, 0}, {1, 0, -fall}, {1, 1, -fall}, {0, 1, 0}}}},
+      {"roof",
+       {{{-2, 0, -2 * fall}, {0, 0, 0}, {0, 1, 0}, {-2, 1, -2 * fall}}, {{0, 0, 0}, {1, 0, -fall}, {1, 1, -fall}, {0, 1, 0}}}},
       {"lamp", {{{-0.15, 0.35, 2}, {-0.15, 0.65, 2}, {0.15, 0.65, 2}, {0.15, 0.35, 2}}}, Rgb(0), Rgb(100)},
       {"screen", {{{-3, -1, 0.5}, {-0.6, -1, 0.5}, {-0.6, 2, 0.5}, {-3, 2, 0.5}}}, Rgb(0.5), Rgb(0), true}};
   constexpr uint32_t kRays = 16384;
@@ -154,15 +156,23 @@ TEST(DirectLight, OfABentPatchKnowsWhichPieceIsInShadow) {
 TEST(DirectLight, OfAPartlyCoveredPatchIsThatOfItsExposedPart) {
   auto surfaces = lampRoom(false);
   const Vec3 low(1.53, 1.53, 0), high(2.47, 2.47, 0.3);
-  const auto wall = [&](const Vec3& a, const Vec3& b) { return std::vector<Vec3>{{a.x, a.y, 0}, {b.x, b.y, 0}, {b.x, b.y, high.z}, {a.x, a.y, high.z}}; };
+  const auto wall = [&](const Vec3& a, const Vec3& b) {
+    return std::vector<Vec3>{{a.x, a.y, 0}, {b.x, b.y, 0}, {b.x, b.y, high.z}, {a.x, a.y, high.z}};
+  };
   const Vec3 p = low, q(high.x, low.y, 0), r = high, s(low.x, high.y, 0);
-  surfaces.push_back({"block", {wall(p, q), wall(q, r), wall(r, s), wall(s, p), {{p.x, p.y, high.z}, {q.x, q.y, high.z}, {r.x, r.y, high.z}, {s.x, s.y, high.z}}}});
+  surfaces.push_back({"block",
+                      {wall(p, q),
+                       wall(q, r),
+                       wall(r, s),
+                       wall(s, p),
+                       {{p.x, p.y, high.z}, {q.x, q.y, high.z}, {r.x, r.y, high.z}, {s.x, s.y, high.z}}}});
   RayRun run(loadSurfaces(surfaces), {600, 0}, {.rays = 1u << 17});
   run.makeRowsOf("z0");
   std::vector<double> exposed(run.patches.size(), 1.0);
   for (const uint32_t i : run.patchesOf("z0")) exposed[i] = run.f.shares(i).exposed;
   const LampPlan plan = chooseLamps(run.facets, run.patches, {});
-  const DirectLight d = DirectIrradiance(run.tracer, run.facets, run.patches, plan.lamps, {}, {.shadowRays = 4096}).compute(exposed);
+  const DirectLight d =
+      DirectIrradiance(run.tracer, run.facets, run.patches, plan.lamps, {}, {.shadowRays = 4096}).compute(exposed);
   const std::vector<uint32_t> lamp = run.patchesOf("lamp");
   size_t partly = 0;
   for (const uint32_t i : run.patchesOf("z0")) {
@@ -208,7 +218,8 @@ TEST(DirectLight, OfPunctualLightsFollowsTheInverseSquareAndCastsShadows) {
     point.kind = PunctualLight::Kind::point;
     point.position = {2, 2, height};
     point.intensity = Rgb(1000, 500, 250);
-    const DirectLight d = DirectIrradiance(run.tracer, run.facets, run.patches, {}, {&point, 1}, {}).compute(std::vector<double>(run.patches.size(), 1.0));
+    const DirectLight d = DirectIrradiance(run.tracer, run.facets, run.patches, {}, {&point, 1}, {})
+                              .compute(std::vector<double>(run.patches.size(), 1.0));
     for (const uint32_t i : run.patchesOf("z0")) {
       const Vec3 c = run.patches.patches[i].centre, to = point.position - c;
       const double r2 = glm::dot(to, to), h = 1000 * height / (r2 * std::sqrt(r2));
@@ -280,7 +291,8 @@ TEST(RayRows, AreTheSameOnOneThreadAndOnTwo) {
 
 // What cannot be: more through a blocker than without it, factors beyond their bounds.
 TEST(RayRows, KeepTheirInvariants) {
-  RayRun free(loadSurfaces(lampRoom(false)), {300, 0}, {.rays = 4096}), blocked(loadSurfaces(lampRoom(true)), {300, 0}, {.rays = 4096});
+  RayRun free(loadSurfaces(lampRoom(false)), {300, 0}, {.rays = 4096}),
+      blocked(loadSurfaces(lampRoom(true)), {300, 0}, {.rays = 4096});
   EXPECT_LT(blocked.factor("z0", "lamp"), 0.9 * free.factor("z0", "lamp"));
   EXPECT_LE(blocked.factor("x0", "x1"), 1.001 * free.factor("x0", "x1"));
   free.makeAll();
@@ -354,7 +366,9 @@ TEST(Sensors, ReadAHalfHiddenLampWithinTheirError) {
   for (size_t k = 0; k < sensors.size(); ++k) {
     const Vec3 p = sensors[k].position;
     const double cut = std::clamp(p.x + (2 - p.x) * (kLamp - p.z) / (kScreen - p.z), 1.8, 2.2);
-    const double h = 100 * pointToPolygon(p, sensors[k].normal, std::vector<Vec3>{{2.2, 1.8, kLamp}, {cut, 1.8, kLamp}, {cut, 2.2, kLamp}, {2.2, 2.2, kLamp}});
+    const double h =
+        100 * pointToPolygon(p, sensors[k].normal,
+                             std::vector<Vec3>{{2.2, 1.8, kLamp}, {cut, 1.8, kLamp}, {cut, 2.2, kLamp}, {2.2, 2.2, kLamp}});
     EXPECT_NEAR(readings[k].irradiance.r, h, 0.01 * h) << k;  // 1,024 rays: 0.1 % on average
     if (std::abs(readings[k].irradiance.r - h) <= 2 * readings[k].error) ++within;
   }
@@ -368,8 +382,7 @@ TEST(Sensors, ReadTheIntegratingSphere) {
   zones[0].emission = Rgb(10);
   zones[1].reflectance = Rgb(0.9);
   std::vector<Sensor> sensors;
-  for (const Vec3& d : {glm::normalize(Vec3(1, 0.3, 0.1)), glm::normalize(Vec3(-0.2, 1, 0.5))})
-    sensors.push_back({0.98 * d, -d});
+  for (const Vec3& d : {glm::normalize(Vec3(1, 0.3, 0.1)), glm::normalize(Vec3(-0.2, 1, 0.5))}) sensors.push_back({0.98 * d, -d});
   for (const SensorReading& r : read(zones, sensors))
     EXPECT_NEAR(r.irradiance.r, 1.694915254237288, 0.02 * 1.695 + 2 * r.error);  // 40 segments: 1 % less cap
 }

@@ -41,8 +41,7 @@ TEST(WhiteFurnace, HasTheClosedFormForEveryMesh) {
       const Solution s = solved(run, 1e-7);
       for (size_t i = 0; i < run.patches.size(); ++i) {
         for (int c = 0; c < 3; ++c)
-          ASSERT_NEAR(s.radiosity[i][c], 1 / (1 - rho[c]), 1e-5 / (1 - rho[c]))
-              << "N = " << count << ", rho = " << rho[c];
+          ASSERT_NEAR(s.radiosity[i][c], 1 / (1 - rho[c]), 1e-5 / (1 - rho[c])) << "N = " << count << ", rho = " << rho[c];
       }
       if (count > 1000 && rho.b > 0.9) break;  // the slowest once
     }

@@ -11,9 +11,7 @@ namespace {
 
 using nlohmann::json;
 
-std::string caseName(const ::testing::TestParamInfo<size_t>& parameter) {
-  return TruthCase(parameter.param).id();
-}
+std::string caseName(const ::testing::TestParamInfo<size_t>& parameter) { return TruthCase(parameter.param).id(); }
 
 constexpr double kSmallest = 1e-5;  // factors below are for closed forms only
 
@@ -141,12 +139,8 @@ double exponent(bool spread, SampleTable::Kind kind) {
   return std::log(many / few) / std::log(64.0);
 }
 
-TEST(RayLaw, FromOnePointErrorsFallFasterThanRandomOnes) {
-  EXPECT_LT(exponent(false, SampleTable::Kind::lowDiscrepancy), -0.70);
-}
-TEST(RayLaw, WithSpreadOriginsTheIntegralHasFourDimensions) {
-  EXPECT_LT(exponent(true, SampleTable::Kind::lowDiscrepancy), -0.55);
-}
+TEST(RayLaw, FromOnePointErrorsFallFasterThanRandomOnes) { EXPECT_LT(exponent(false, SampleTable::Kind::lowDiscrepancy), -0.70); }
+TEST(RayLaw, WithSpreadOriginsTheIntegralHasFourDimensions) { EXPECT_LT(exponent(true, SampleTable::Kind::lowDiscrepancy), -0.55); }
 TEST(RayLaw, RandomDirectionsFallAsTheSquareRoot) {
   const double e = exponent(true, SampleTable::Kind::random);
   EXPECT_GT(e, -0.56);

@@ -1,10 +1,9 @@
 // The gathering reference against closed forms, and what it says of the error of a solution.
-#include "reference/gathering.h"
-
 #include "formfactor/analytic.h"
 #include "formfactor/near_field.h"
 #include "formfactor/rays.h"
 #include "light/direct.h"
+#include "reference/gathering.h"
 #include "solve/patch_error.h"
 #include "specular_cases.h"
 
@@ -21,7 +20,11 @@ Scene withLights(Scene scene, const std::vector<PunctualLight>& lights) {
 struct Gathered {
   explicit Gathered(const std::vector<TestSurface>& surfaces, const Rgb& sky = Rgb(0), size_t count = 60, double seconds = 0.5,
                     const std::vector<PunctualLight>& lights = {})
-      : scene(withLights(loadSurfaces(surfaces), lights)), facets(buildFacets(scene, log)), patches(buildPatches(scene, facets, {count, 0})), tracer(facets), lamps(chooseLamps(facets, patches, {})) {
+      : scene(withLights(loadSurfaces(surfaces), lights)),
+        facets(buildFacets(scene, log)),
+        patches(buildPatches(scene, facets, {count, 0})),
+        tracer(facets),
+        lamps(chooseLamps(facets, patches, {})) {
     gather(PathGatherer(tracer, facets, patches, scene, lamps, sky, {}), seconds);
   }
   void gather(const PathGatherer& gatherer, double seconds) {
@@ -69,7 +72,8 @@ TEST(GatheringReference, SkyIsWhatIsMissed) {
 // nothing but F E arrives.
 TEST(GatheringReference, DirectLightIsTheFormFactor) {
   constexpr double kF = 0.19982489569838738;  // facing unit squares at distance 1
-  const std::vector<TestSurface> plates = {{"1", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}, Rgb(0)}, {"2", {{{0, 0, 1}, {0, 1, 1}, {1, 1, 1}, {1, 0, 1}}}, Rgb(0), Rgb(5)}};
+  const std::vector<TestSurface> plates = {{"1", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}, Rgb(0)},
+                                           {"2", {{{0, 0, 1}, {0, 1, 1}, {1, 1, 1}, {1, 0, 1}}}, Rgb(0), Rgb(5)}};
   Gathered(plates).expect("1", 5 * kF);
   // The same as a lamp apart: a small part of a larger scene.
   std::vector<TestSurface> apart = plates;
@@ -108,13 +112,17 @@ TEST(GatheringReference, FinalGatheringSeesLampsThatTouchSurfaces) {
   for (int i = 0; i < kPoints; ++i) {
     for (int j = 0; j < kPoints; ++j) {
       const Vec3 p(0, (i + 0.5) / kPoints, (j + 0.5) / kPoints), normal(1, 0, 0);
-      exact += kReflectance * kEmission * pointToPolygon(p, normal, lamp) * pointToPolygon(p, normal, ceiling) / (kPoints * kPoints * (1 - kEnd));
+      exact += kReflectance * kEmission * pointToPolygon(p, normal, lamp) * pointToPolygon(p, normal, ceiling) /
+               (kPoints * kPoints * (1 - kEnd));
     }
   }
   Gathered gathered(box, Rgb(0), 600, 0);
   ASSERT_EQ(gathered.lamps.lamps.size(), 1u);
   const std::vector<double> exposed(gathered.patches.size(), 1.0);
-  const std::vector<Rgb> direct = DirectIrradiance(gathered.tracer, gathered.facets, gathered.patches, gathered.lamps.lamps, {}, {128, 1}).compute(exposed).irradiance;
+  const std::vector<Rgb> direct =
+      DirectIrradiance(gathered.tracer, gathered.facets, gathered.patches, gathered.lamps.lamps, {}, {128, 1})
+          .compute(exposed)
+          .irradiance;
   PathGatherer finally(gathered.tracer, gathered.facets, gathered.patches, gathered.scene, gathered.lamps, Rgb(0), {});
   finally.endWith(gathered.patches, direct, exposed);
   gathered.gather(finally, 1);
@@ -137,7 +145,8 @@ TEST(GatheringReference, ChoosesAmongLampsWithoutBias) {
     constexpr int kPoints = 200;
     for (int i = 0; i < kPoints; ++i) {
       for (int j = 0; j < kPoints; ++j)
-        exact += emission[l] * pointToPolygon(Vec3((i + 0.5) / kPoints, (j + 0.5) / kPoints, 0), Vec3(0, 0, 1), polygon) / (kPoints * kPoints);
+        exact += emission[l] * pointToPolygon(Vec3((i + 0.5) / kPoints, (j + 0.5) / kPoints, 0), Vec3(0, 0, 1), polygon) /
+                 (kPoints * kPoints);
     }
   }
   room.push_back({"away", {{{0.4, 0.4, 3}, {0.6, 0.4, 3}, {0.6, 0.6, 3}, {0.4, 0.6, 3}}}, Rgb(0), Rgb(1000)});
@@ -269,7 +278,9 @@ TEST(GatheringReference, AimsAtPunctualLightsInMirrors) {
   }
   const Gathered gathered(room, Rgb(0), 600, 0.5, {light});
   gathered.expect("z0", exact);
-  const auto misses = [&](const Gathered& g) { return PathGatherer(g.tracer, g.facets, g.patches, g.scene, g.lamps, Rgb(0), {}).missesLights(); };
+  const auto misses = [&](const Gathered& g) {
+    return PathGatherer(g.tracer, g.facets, g.patches, g.scene, g.lamps, Rgb(0), {}).missesLights();
+  };
   EXPECT_FALSE(misses(gathered));
   room[0].mirror = Rgb(0);
   room[0].transmission = Rgb(0.5);
@@ -378,7 +389,8 @@ TEST(PatchError, IsWhatJoiningDoes) {
   }
   const Solution solved = solveRadiosity(f, coarse, {}, run.scene, o, Log(true));
   std::vector<Rgb> mean(count, Rgb(0));
-  for (size_t i = 0; i < joined.size(); ++i) mean[joined[i]] += run.patches.patches[i].area / coarse.patches[joined[i]].area * fine.irradiance[i];
+  for (size_t i = 0; i < joined.size(); ++i)
+    mean[joined[i]] += run.patches.patches[i].area / coarse.patches[joined[i]].area * fine.irradiance[i];
   Rgb squares(0), total(0);
   double area = 0;
   for (size_t k = 0; k < count; ++k) {

@@ -1,9 +1,10 @@
 // Light followed from lamps over mirrors and through glass, where its amount is known.
+#include "light/specular_light.h"
+
 #include "factor_run.h"
 #include "formfactor/analytic.h"
 #include "light/direct.h"
 #include "light/lamp_images.h"
-#include "light/specular_light.h"
 #include "specular_cases.h"
 #include "trace/cover.h"
 
@@ -15,10 +16,12 @@ namespace farol::test {
 namespace {
 
 struct Followed {
-  Followed(const std::vector<TestSurface>& surfaces, const PatchOptions& patches, size_t rays, uint64_t seed = 1, const std::vector<PunctualLight>& lights = {})
+  Followed(const std::vector<TestSurface>& surfaces, const PatchOptions& patches, size_t rays, uint64_t seed = 1,
+           const std::vector<PunctualLight>& lights = {})
       : run(loadSurfaces(surfaces), patches, {}), tree(run.tracer, run.facets, run.patches, {}) {
     std::vector<uint8_t> apart(run.patches.size());
-    for (size_t i = 0; i < apart.size(); ++i) apart[i] = run.patches.patches[i].emits() && surfaceNameOf(run.scene, run.patches.patches[i]) != "glow" ? 1 : 0;
+    for (size_t i = 0; i < apart.size(); ++i)
+      apart[i] = run.patches.patches[i].emits() && surfaceNameOf(run.scene, run.patches.patches[i]) != "glow" ? 1 : 0;
     const ExposedArea cover = findExposedArea(run.tracer, run.facets, run.patches, 1024, 1);
     exposed.assign(cover.share.begin(), cover.share.end());
     light = traceSpecularLight(run.tracer, run.facets, run.patches, tree, apart, lights, exposed, rays, seed, [&](double share) {
@@ -48,7 +51,8 @@ TEST(SpecularLight, PassesSlabs) {
       if (s.name == "emitter") s.emission = Rgb(10, 5, 0);
     }
     const Followed slab(surfaces, {1, 0}, 1u << 16);
-    const double passes = expected(id, "slab transmittance if the two polarisations are averaged at every face (usual in graphics)");
+    const double passes =
+        expected(id, "slab transmittance if the two polarisations are averaged at every face (usual in graphics)");
     const Patch& emitter = slab.run.patches.patches[slab.run.patchesOf("emitter")[0]];
     const Rgb power = emitter.area * emitter.emission;
     for (int c = 0; c < 3; ++c) {
@@ -70,7 +74,12 @@ std::vector<TestSurface> underAMirror() {
   std::vector<TestSurface> surfaces = closedBox({4, 3, 2}, Rgb(0.05));
   surfaces[5].mirror = Rgb(0.9, 0.5, 0.25);
   const auto lamp = [&](const char* name, double x, double half, const Rgb& emission) {
-    surfaces.push_back({name, {{{x - half, 1.5 - half, 1.9}, {x + half, 1.5 - half, 1.9}, {x + half, 1.5 + half, 1.9}, {x - half, 1.5 + half, 1.9}}}, Rgb(0), emission, true});
+    surfaces.push_back(
+        {name,
+         {{{x - half, 1.5 - half, 1.9}, {x + half, 1.5 - half, 1.9}, {x + half, 1.5 + half, 1.9}, {x - half, 1.5 + half, 1.9}}},
+         Rgb(0),
+         emission,
+         true});
   };
   lamp("lamp", 1, 0.05, Rgb(100, 100, 50));
   lamp("dim", 3, 0.4, Rgb(1, 4, 4));
@@ -106,9 +115,11 @@ TEST(SpecularLight, ArrivesWhereImagesShine) {
   const auto images = lampImages(lamps, mirrors, {});
   ASSERT_TRUE(images);
   EXPECT_EQ(images->size(), 3u);
-  const DirectLight direct = DirectIrradiance(room.run.tracer, room.run.facets, room.run.patches, *images, {}, {1024, 1, &mirrors}).compute(room.exposed);
+  const DirectLight direct =
+      DirectIrradiance(room.run.tracer, room.run.facets, room.run.patches, *images, {}, {1024, 1, &mirrors}).compute(room.exposed);
   for (const uint32_t i : room.run.patchesOf("z0")) {
-    for (int c = 0; c < 3; ++c) EXPECT_NEAR(room.light.irradiance[i][c], direct.irradiance[i][c], 0.02 * direct.irradiance[i][c] + 0.001);
+    for (int c = 0; c < 3; ++c)
+      EXPECT_NEAR(room.light.irradiance[i][c], direct.irradiance[i][c], 0.02 * direct.irradiance[i][c] + 0.001);
   }
 }
 
@@ -167,18 +178,28 @@ TEST(SpecularLight, IsTheSameOnOneThreadAndOnTwo) {
 
 // A mirror, 2 high, throws light of each kind on the floor before it: as much as its image does.
 TEST(SpecularLight, StartsFromPunctualLightsToo) {
-  const std::vector<TestSurface> surfaces = {{"floor", {{{0, 0, 0}, {4, 0, 0}, {4, 3, 0}, {0, 3, 0}}}, Rgb(0)},
-                                             {"wall", {{{0, 0, 0}, {0, 3, 0}, {0, 3, 2}, {0, 0, 2}}}, Rgb(0), Rgb(0), false, Rgb(0.9, 0.6, 0.3)}};
+  const std::vector<TestSurface> surfaces = {
+      {"floor", {{{0, 0, 0}, {4, 0, 0}, {4, 3, 0}, {0, 3, 0}}}, Rgb(0)},
+      {"wall", {{{0, 0, 0}, {0, 3, 0}, {0, 3, 2}, {0, 0, 2}}}, Rgb(0), Rgb(0), false, Rgb(0.9, 0.6, 0.3)}};
   const PunctualLight point{.name = "point", .position = {1.5, 1.2, 1.4}, .intensity = Rgb(10, 20, 30)};
-  const PunctualLight spot{.name = "spot", .kind = PunctualLight::Kind::spot, .position = {2, 1.5, 1.8}, .direction = glm::normalize(Vec3(-2, 0, -1.2)), .intensity = Rgb(100), .innerCone = 0.1, .outerCone = 0.5};
-  const PunctualLight sun{.name = "sun", .kind = PunctualLight::Kind::directional, .direction = {-0.6, 0, -0.8}, .intensity = Rgb(5)};
+  const PunctualLight spot{.name = "spot",
+                           .kind = PunctualLight::Kind::spot,
+                           .position = {2, 1.5, 1.8},
+                           .direction = glm::normalize(Vec3(-2, 0, -1.2)),
+                           .intensity = Rgb(100),
+                           .innerCone = 0.1,
+                           .outerCone = 0.5};
+  const PunctualLight sun{
+      .name = "sun", .kind = PunctualLight::Kind::directional, .direction = {-0.6, 0, -0.8}, .intensity = Rgb(5)};
   Rgb all(0);
   for (const PunctualLight& light : {point, spot, sun}) {
     const Followed followed(surfaces, {100, 0}, 1u << 18, 1, {light});
     const PlanarMirrors mirrors(followed.run.facets, followed.run.patches);
     const auto images = lightImages(std::span(&light, 1), followed.run.facets.frame, mirrors, {});
     ASSERT_TRUE(images);
-    const DirectLight direct = DirectIrradiance(followed.run.tracer, followed.run.facets, followed.run.patches, {}, *images, {1024, 1, &mirrors}).compute(followed.exposed);
+    const DirectLight direct =
+        DirectIrradiance(followed.run.tracer, followed.run.facets, followed.run.patches, {}, *images, {1024, 1, &mirrors})
+            .compute(followed.exposed);
     Rgb flux(0);
     for (const uint32_t i : followed.run.patchesOf("floor")) flux += followed.run.patches.patches[i].area * direct.irradiance[i];
     for (int c = 0; c < 3; ++c) EXPECT_NEAR(followed.fluxOf("floor")[c], flux[c], 0.005 * flux[c]) << light.name;

@@ -115,8 +115,9 @@ TEST(MirrorCubes, MatchTheExactSystems) {
     expectKnownRadiosity(run, id, 0.003);
   }
   RayRun run(loadSurfaces(surfacesOf("C5b")), {6, 0}, {.rays = 65536});
-  for (const auto& [from, to, what] : {std::tuple{"x0", "x1", "F x0->x1 extended"}, std::tuple{"x0", "y0", "F x0->y0 extended"},
-                                       std::tuple{"z0", "z0", "F z0->z0 extended (floor sees itself)"}, std::tuple{"z0", "x0", "F z0->x0 extended"}}) {
+  for (const auto& [from, to, what] :
+       {std::tuple{"x0", "x1", "F x0->x1 extended"}, std::tuple{"x0", "y0", "F x0->y0 extended"},
+        std::tuple{"z0", "z0", "F z0->z0 extended (floor sees itself)"}, std::tuple{"z0", "x0", "F z0->x0 extended"}}) {
     const double exact = expected("C5b", what);
     EXPECT_NEAR(run.factor(from, to), exact, 0.005 * exact) << what;
   }
@@ -130,7 +131,7 @@ TEST(RayTrees, EndWhereTheyNeverWould) {
     if (maxChannel(s.mirror) > 0) s.mirror = Rgb(1);
   }
   RayRun mirrors(loadSurfaces(pipe), {1, 0}, {.rays = 1024});
-  EXPECT_NEAR(mirrors.factor("1", "2") , 1, 0.01);
+  EXPECT_NEAR(mirrors.factor("1", "2"), 1, 0.01);
   // A closed room that is all mirror but for its floor, and a sphere of glass in it.
   auto room = closedBox({2, 2, 2}, Rgb(0));
   for (size_t k = 0; k < 6; ++k) {

@@ -36,10 +36,8 @@ std::vector<TestSurface> polygonsOf(const nlohmann::json& testCase) {
 }  // namespace
 
 int main() {
-  const std::vector<nlohmann::json> cases =
-      nlohmann::json::parse(readText(FAROL_TESTS "/analytic/form_factors.json"))["cases"];
-  fmt::print("Relative error of the factor between two surfaces of about 200 patches each, on {}:\n\n",
-             device().info().name);
+  const std::vector<nlohmann::json> cases = nlohmann::json::parse(readText(FAROL_TESTS "/analytic/form_factors.json"))["cases"];
+  fmt::print("Relative error of the factor between two surfaces of about 200 patches each, on {}:\n\n", device().info().name);
   fmt::print("| case | exact |");
   for (const Setting& s : kSettings) fmt::print(" {} |", s.name);
   fmt::print("\n|---|---|");

@@ -61,13 +61,18 @@ void detailedModel(double seconds) {
   const LampPlan lamps = chooseLamps(facets, single.patches(), {});
   const PathGatherer gatherer(tracer, facets, single.patches(), scene, lamps, Rgb(0), {});
   const std::vector<GatheredIrradiance> truth = gatherIrradiance(gatherer, tracer, facets, sets, seconds, 77, [](double) {});
-  fmt::print("a ball of {} facets in a room\n| patches | MB of F | seconds of rows, light and solve | error of H % | resolved to | shown on the facets % | resolved to |\n|---|---|---|---|---|---|---|\n", facets.facets.size());
+  fmt::print(
+      "a ball of {} facets in a room\n| patches | MB of F | seconds of rows, light and solve | error of H % | resolved to | shown "
+      "on the facets % | resolved to |\n|---|---|---|---|---|---|---|\n",
+      facets.facets.size());
   for (const size_t k : {size_t{0}, size_t{1}}) {
     const Trial t = scenes[k]->solve(setting);
     const NodeIrradiance nodes(scene, facets, *sets[k], &t.f, t.lighting.solution.irradiance);
-    const HError own = errorOf(t.lighting.solution.irradiance, *sets[k], truth[k]), shown = errorOf(shownOn(single.patches(), facets, nodes), single.patches(), truth[0]);
-    fmt::print("| {} | {:.0f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} |\n", sets[k]->size(), 1e-6 * static_cast<double>(t.f.bytes()), t.seconds(), 100 * own.error,
-               100 * own.noise, 100 * shown.error, 100 * shown.noise);
+    const HError own = errorOf(t.lighting.solution.irradiance, *sets[k], truth[k]),
+                 shown = errorOf(shownOn(single.patches(), facets, nodes), single.patches(), truth[0]);
+    fmt::print("| {} | {:.0f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {:.2f} |\n", sets[k]->size(),
+               1e-6 * static_cast<double>(t.f.bytes()), t.seconds(), 100 * own.error, 100 * own.noise, 100 * shown.error,
+               100 * shown.noise);
   }
 }
 
@@ -94,7 +99,8 @@ int main(int argc, char** argv) {
       const NodeIrradiance nodes(scene, facets, made->patches(), &t.f, t.lighting.solution.irradiance);
       lines.push_back({std::move(what), std::move(made), t.lighting.solution.irradiance, shownOn(grid, facets, nodes), predicted});
     };
-    for (const size_t count : {100, 200, 400, 800, 1600, 3200, 6400}) add(fmt::format("--patches {}", count), std::make_unique<SizedScene>(options, scene, facets, PatchOptions{count, 0}), 0);
+    for (const size_t count : {100, 200, 400, 800, 1600, 3200, 6400})
+      add(fmt::format("--patches {}", count), std::make_unique<SizedScene>(options, scene, facets, PatchOptions{count, 0}), 0);
     constexpr uint32_t kLevel = 3;
     const double roots = static_cast<double>(facets.facets.size());
     PatchOptions size{0, sizeForPatches(facets, static_cast<size_t>(roots))};
@@ -107,8 +113,10 @@ int main(int argc, char** argv) {
     const double order = patchErrorOf(trial.f, coarse.patches(), facets, trial.lighting).order;
     fmt::print("{}: trial of {} patches, order {:.2f}\n", path, coarse.patches().size(), order);
     for (const double error : {0.04, 0.03, 0.02, 0.015, 0.01}) {
-      const AdaptedPatches adapted = adaptPatches(facets, coarse.patches(), kLevel, trial.f, trial.lighting.direct, trial.lighting.solution, 1024, order, error);
-      add(fmt::format("adapted to {}", error), std::make_unique<SizedScene>(options, scene, facets, PatchOptions{0, size.size}, adapted.tree), adapted.error);
+      const AdaptedPatches adapted = adaptPatches(facets, coarse.patches(), kLevel, trial.f, trial.lighting.direct,
+                                                  trial.lighting.solution, 1024, order, error);
+      add(fmt::format("adapted to {}", error),
+          std::make_unique<SizedScene>(options, scene, facets, PatchOptions{0, size.size}, adapted.tree), adapted.error);
     }
     std::vector<const PatchSet*> sets{&grid};
     for (const Line& l : lines) sets.push_back(&l.scene->patches());
@@ -118,13 +126,15 @@ int main(int argc, char** argv) {
     std::swap(sets.front(), sets.back());
     std::vector<GatheredIrradiance> truth = gatherIrradiance(gatherer, tracer, facets, sets, seconds, 77, [](double) {});
     std::swap(truth.front(), truth.back());
-    fmt::print("| patches | | error of H % | resolved to | as shown % | resolved to | predicted % |\n|---|---|---|---|---|---|---|\n");
+    fmt::print(
+        "| patches | | error of H % | resolved to | as shown % | resolved to | predicted % |\n|---|---|---|---|---|---|---|\n");
     for (size_t k = 0; k < lines.size(); ++k) {
       const size_t at = k + 1 < lines.size() ? k + 1 : 0;
       const HError own = errorOf(lines[k].own, *sets[at == 0 ? 0 : at], at == 0 ? truth.back() : truth[at]);
       const HError shown = errorOf(lines[k].shown, grid, truth[0]);
-      fmt::print("| {} | {} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {} |\n", lines[k].scene->patches().size(), lines[k].what, 100 * own.error, 100 * own.noise, 100 * shown.error,
-                 100 * shown.noise, lines[k].predicted > 0 ? fmt::format("{:.2f}", 100 * lines[k].predicted) : "");
+      fmt::print("| {} | {} | {:.2f} | {:.2f} | {:.2f} | {:.2f} | {} |\n", lines[k].scene->patches().size(), lines[k].what,
+                 100 * own.error, 100 * own.noise, 100 * shown.error, 100 * shown.noise,
+                 lines[k].predicted > 0 ? fmt::format("{:.2f}", 100 * lines[k].predicted) : "");
     }
   }
   detailedModel(seconds);

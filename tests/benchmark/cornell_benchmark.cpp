@@ -39,7 +39,8 @@ std::vector<WallPoint> wallPoints(const CornellBox& box, uint32_t perUnitArea) {
       const auto x = sobolPoint(k);
       const Vec2 uv((x[0] + 0.5) * 0x1p-32, (x[1] + 0.5) * 0x1p-32);
       const Vec3 p = box.facets.point(facet, uv.x, uv.y);
-      if (insideObject(box.tracer, box.facets, std::span(&p, 1), facet.normal, 1) == 0) points.push_back({f, uv, p, box.cellOf(f, p)});
+      if (insideObject(box.tracer, box.facets, std::span(&p, 1), facet.normal, 1) == 0)
+        points.push_back({f, uv, p, box.cellOf(f, p)});
     }
   }
   return points;
@@ -135,8 +136,8 @@ Cells reference(const CornellBox& box, size_t samplesPerCell) {
     for (size_t k = part * points.size() / kParts; k < (part + 1) * points.size() / kParts; ++k) {
       uint64_t random = mixBits(k) << 8;
       const auto x = sobolPoint(static_cast<uint32_t>(k));
-      sums[part][points[k].cell] += gatherer.sample(points[k].facet, points[k].point, (x[2] + 0.5) * 0x1p-32,
-                                                    (x[3] + 0.5) * 0x1p-32, random);
+      sums[part][points[k].cell] +=
+          gatherer.sample(points[k].facet, points[k].point, (x[2] + 0.5) * 0x1p-32, (x[3] + 0.5) * 0x1p-32, random);
       ++counts[part][points[k].cell];
     }
   });
@@ -182,8 +183,8 @@ Cells cellsOfCsv(const CornellBox& box, const PatchOptions& options, const std::
   return sums;
 }
 
-// The error e as --tolerance measures it (worst channel, rms over cells relative to the mean) that a million particles leave on so many
-// cells, from the differences between seeds: the loop has no other error there.
+// The error e as --tolerance measures it (worst channel, rms over cells relative to the mean) that a million particles leave on so
+// many cells, from the differences between seeds: the loop has no other error there.
 double loopError(size_t side) {
   constexpr int kSeeds = 4;
   const size_t count = 5 * side * side;
@@ -285,9 +286,9 @@ int main(int argc, char** argv) {
   if (argc > 2) settings.clear();
   for (int k = 2; k + 1 < argc; k += 2) settings.push_back({std::stod(argv[k]), argv[k + 1]});
   for (const Setting& s : settings) {
-    const std::string command =
-        fmt::format("{} solve {}{} {} --threads 2 --patches-csv cornell_patches.csv --report cornell_report.json --quiet 2> /dev/null",
-                    FAROL_PROGRAM, kScene, s.size > 0 ? fmt::format(" --patch-size {}", s.size) : "", s.options);
+    const std::string command = fmt::format(
+        "{} solve {}{} {} --threads 2 --patches-csv cornell_patches.csv --report cornell_report.json --quiet 2> /dev/null",
+        FAROL_PROGRAM, kScene, s.size > 0 ? fmt::format(" --patch-size {}", s.size) : "", s.options);
     double error = 0;
     constexpr int kSeeds = 4;
     for (int seed = 1; seed <= kSeeds; ++seed) {
@@ -296,20 +297,24 @@ int main(int argc, char** argv) {
     }
     const double seconds = medianSeconds(command, 5);
     const size_t count = buildPatches(box.scene, box.facets, chosenPatches()).size();
-    fmt::print("| {} | {} | {:.3f} % | {:.3f} | {:.2f} | 1/{:.1f} |\n", s.options, count, 100 * error, seconds,
-               loopSeconds(error), loopSeconds(error) / seconds);
+    fmt::print("| {} | {} | {:.3f} % | {:.3f} | {:.2f} | 1/{:.1f} |\n", s.options, count, 100 * error, seconds, loopSeconds(error),
+               loopSeconds(error) / seconds);
   }
 
   if (argc > 2) return 0;
   fmt::print("\nthe error e of H as --tolerance measures it, on as many cells as the patches of a wall\n\n");
-  fmt::print("| farol solve | patches | cells of a wall | seconds | e of a million particles there | loop at the tolerance | ratio |\n|---|---|---|---|---|---|---|\n");
+  fmt::print(
+      "| farol solve | patches | cells of a wall | seconds | e of a million particles there | loop at the tolerance | ratio "
+      "|\n|---|---|---|---|---|---|---|\n");
   for (const double tolerance : {0.01, 0.005, 0.0025}) {
-    const std::string command = fmt::format("{} solve {} --tolerance {} --threads 2 --report cornell_report.json --quiet 2> /dev/null", FAROL_PROGRAM, kScene, tolerance);
+    const std::string command =
+        fmt::format("{} solve {} --tolerance {} --threads 2 --report cornell_report.json --quiet 2> /dev/null", FAROL_PROGRAM,
+                    kScene, tolerance);
     const double seconds = medianSeconds(command, 5);
     const PatchOptions chosen = chosenPatches();
     const auto side = static_cast<size_t>(std::ceil((box.high.x - box.low.x) * box.facets.frame.size / chosen.size));
     const double error = loopError(side), needed = start + std::pow(error / tolerance, 2) * 1e6 * perParticle;
-    fmt::print("| --tolerance {} | {} | {} x {} | {:.3f} | {:.2f} % | {:.2f} | 1/{:.1f} |\n", tolerance, buildPatches(box.scene, box.facets, chosen).size(), side, side,
-               seconds, 100 * error, needed, needed / seconds);
+    fmt::print("| --tolerance {} | {} | {} x {} | {:.3f} | {:.2f} % | {:.2f} | 1/{:.1f} |\n", tolerance,
+               buildPatches(box.scene, box.facets, chosen).size(), side, side, seconds, 100 * error, needed, needed / seconds);
   }
 }

@@ -1,5 +1,5 @@
-// The five walls of the Cornell box as 8 x 8 cells each, or as many as asked for, on which methods are compared: mean radiosity of the exposed
-// part of a cell.
+// The five walls of the Cornell box as 8 x 8 cells each, or as many as asked for, on which methods are compared: mean radiosity of
+// the exposed part of a cell.
 #pragma once
 
 #include "trace/cover.h"

@@ -1,5 +1,6 @@
 // The experiments of the thesis in one table: every supplied scene by every method on the same patches, whole processes, the error
-// of H against final gathering (judge.h). Names what is beaten everywhere. farol_experiments [seconds of reference at most, patches, SCENE...]
+// of H against final gathering (judge.h). Names what is beaten everywhere. farol_experiments [seconds of reference at most,
+// patches, SCENE...]
 #include "judge.h"
 #include "whole_process.h"
 
@@ -49,13 +50,15 @@ int main(int argc, char** argv) {
     header += fmt::format(" {} |", m.name);
     line += "---|";
   }
-  fmt::print("{}, {} threads; {} patches asked for; error of H and seconds, whole processes\n{}\n{}\n", processorName(), std::thread::hardware_concurrency(), patches, header, line);
+  fmt::print("{}, {} threads; {} patches asked for; error of H and seconds, whole processes\n{}\n{}\n", processorName(),
+             std::thread::hardware_concurrency(), patches, header, line);
   std::string device;
   std::vector<std::string> scenes(argv + std::min(argc, 3), argv + argc);
   if (scenes.empty()) {
-    for (const char* file : {"cornell_box/cornell_box.gltf", "l_room/l_room.gltf", "reading_corner/reading_corner.glb", "white_furnace/white_furnace.gltf",
-                             "mirrors_and_glass/mirror_room.gltf", "mirrors_and_glass/facing_mirrors.gltf", "mirrors_and_glass/light_pipe.gltf",
-                             "mirrors_and_glass/glass_block.gltf"})
+    for (const char* file :
+         {"cornell_box/cornell_box.gltf", "l_room/l_room.gltf", "reading_corner/reading_corner.glb",
+          "white_furnace/white_furnace.gltf", "mirrors_and_glass/mirror_room.gltf", "mirrors_and_glass/facing_mirrors.gltf",
+          "mirrors_and_glass/light_pipe.gltf", "mirrors_and_glass/glass_block.gltf"})
       scenes.push_back(std::string(FAROL_SCENES "/") + file);
   }
   for (const std::string& scene : scenes) {
@@ -65,8 +68,9 @@ int main(int argc, char** argv) {
     double noise = 0;
     for (size_t m = 0; m < kMethods.size(); ++m) {
       Outcome& o = outcomes[m].emplace_back();
-      const std::string command = fmt::format("timeout {} {} solve {} --patches {} {} --patches-csv {} --report {} --quiet 2> /dev/null", kMostSeconds, FAROL_PROGRAM, scene,
-                                              patches, kMethods[m].options, csv, report);
+      const std::string command =
+          fmt::format("timeout {} {} solve {} --patches {} {} --patches-csv {} --report {} --quiet 2> /dev/null", kMostSeconds,
+                      FAROL_PROGRAM, scene, patches, kMethods[m].options, csv, report);
       const Stopwatch watch;
       const int status = std::system(command.c_str());
       o.made = status == 0;
@@ -81,11 +85,12 @@ int main(int argc, char** argv) {
         constexpr double kShort = 2;  // runs that may be disturbed by others
         if (o.seconds < kShort) o.seconds = medianSeconds(command, 3);
       }
-      cells += o.made ? fmt::format(" {:.2f} %, {:.2f} s |", 100 * o.error, o.seconds)
+      cells += o.made                             ? fmt::format(" {:.2f} %, {:.2f} s |", 100 * o.error, o.seconds)
                : WEXITSTATUS(status) == kTimedOut ? fmt::format(" more than {} s |", kMostSeconds)
                                                   : " refused |";
     }
-    fmt::print("| {} | {} | {} | {:.2f} % |{}\n", std::filesystem::path(scene).stem().string(), counts["facets"].get<int>(), counts["patches"].get<int>(), 100 * noise, cells);
+    fmt::print("| {} | {} | {} | {:.2f} % |{}\n", std::filesystem::path(scene).stem().string(), counts["facets"].get<int>(),
+               counts["patches"].get<int>(), 100 * noise, cells);
     std::fflush(stdout);
   }
   fmt::print("\nhemicubes on {}\n", device);

@@ -1,8 +1,8 @@
 // The error of H that a run of the program has reached, on the same patches (front sides). The reference is final gathering from
 // random points of every patch: direct light there by shadow rays, and one ray to a surface, where direct light is sampled again
-// and a much finer solution of the scene says what else there is; what glass and mirrors without images of the lamps pass on of them
-// straight to a patch is followed from them. What that solution errs by reaches a patch as a mean over all directions; how far it
-// does, gathering paths tell that follow light to its end, in means over surfaces (agreement).
+// and a much finer solution of the scene says what else there is; what glass and mirrors without images of the lamps pass on of
+// them straight to a patch is followed from them. What that solution errs by reaches a patch as a mean over all directions; how far
+// it does, gathering paths tell that follow light to its end, in means over surfaces (agreement).
 #pragma once
 
 #include "cli/adapting.h"
@@ -26,7 +26,8 @@ inline std::string textAfter(const std::string& command, const std::string& opti
 // One scene and references on the patches that were asked about.
 class Judge {
  public:
-  explicit Judge(const std::string& path) : log_(true), scene_(loadScene(path, log_)), facets_(buildFacets(scene_, log_)), tracer_(facets_) {
+  explicit Judge(const std::string& path)
+      : log_(true), scene_(loadScene(path, log_)), facets_(buildFacets(scene_, log_)), tracer_(facets_) {
     options_.command = Command::solve;
     options_.scene = path;
     Setting setting;
@@ -74,7 +75,8 @@ class Judge {
   HError judge(const std::string& csv, const std::string& command, double tolerance, double seconds) {
     // Patches of several sizes depend on the seed of their trial.
     const std::string adapted = textAfter(command, "--adapt ");
-    auto& known = references_[textAfter(command, "--patch-size ") + textAfter(command, "--patches ") + textAfter(command, "--cluster ") + adapted + (adapted.empty() ? "" : textAfter(command, "--seed "))];
+    auto& known = references_[textAfter(command, "--patch-size ") + textAfter(command, "--patches ") +
+                              textAfter(command, "--cluster ") + adapted + (adapted.empty() ? "" : textAfter(command, "--seed "))];
     if (!known) known = std::make_unique<Known>(Known{patchesOf(command), {}, 0});
     PatchSet& patches = known->patches;
     std::vector<Rgb> h(patches.size(), Rgb(0));
@@ -84,7 +86,9 @@ class Judge {
     }
     HError error;
     constexpr double kResolved = 5;
-    for (double more = 2; known->spent == 0 || ((error = of(h, *known)).noise > std::max(tolerance, error.error) / kResolved && known->spent < seconds); more *= 2) {
+    for (double more = 2; known->spent == 0 ||
+                          ((error = of(h, *known)).noise > std::max(tolerance, error.error) / kResolved && known->spent < seconds);
+         more *= 2) {
       known->truth = gather(patches, more, true);
       known->spent = more;
     }
@@ -135,7 +139,7 @@ class Judge {
   FacetSet facets_;
   Tracer tracer_;
   std::unique_ptr<SizedScene> fine_;
-  std::vector<Rgb> known_;  // H of its patches
+  std::vector<Rgb> known_;       // H of its patches
   std::vector<double> exposed_;  // share of each on which nothing stands
   std::map<std::string, std::unique_ptr<Known>> references_;
 };

@@ -55,8 +55,8 @@ int main() {
   const TemporaryFolder folder;
   const std::string scene = folder.path("lamp_room.gltf"), csv = folder.path("p.csv");
   test::writeText(scene, test::gltfOf(lampRoom()).dump());
-  const std::string command = fmt::format("{} solve {} --patches 1500 --residual 1e-6 --threads 2 --quiet --patches-csv {} ",
-                                          FAROL_PROGRAM, scene, csv);
+  const std::string command =
+      fmt::format("{} solve {} --patches 1500 --residual 1e-6 --threads 2 --quiet --patches-csv {} ", FAROL_PROGRAM, scene, csv);
   medianSeconds(command + "--method exact --emitters matrix", 1);
   const Irradiance exact = read(csv);
   fmt::print("{} patches; whole processes, medians of 5, 2 threads; rms error of H, mean of 4 seeds\n\n", exact.h.size());
@@ -80,9 +80,9 @@ int main() {
       const auto [mean, seconds] = measure(apart + " --emitters matrix " + setting);
       // Between the two settings around apart's time the error is taken to be a power of time.
       if (seconds >= apartSeconds && atEqualTime == 0) {
-        atEqualTime = before[1] == 0 ? mean
-                                     : mean * std::pow(before[0] / mean, std::log(seconds / apartSeconds) /
-                                                                             std::log(seconds / before[1]));
+        atEqualTime = before[1] == 0
+                          ? mean
+                          : mean * std::pow(before[0] / mean, std::log(seconds / apartSeconds) / std::log(seconds / before[1]));
       }
       before[0] = mean;
       before[1] = seconds;

@@ -17,7 +17,8 @@ std::vector<TestSurface> room(int mirrors, bool glass) {
   auto surfaces = closedBox({4, 5, 2.5}, Rgb(0.5));
   for (int k = 0; k < mirrors; ++k) {  // on the wall y = 0, facing the room
     const double x = 0.1 + 0.38 * k, width = mirrors == 1 ? 3 : 0.3;
-    surfaces.push_back({fmt::format("mirror{}", k), {{{x, 0.02, 0.5}, {x, 0.02, 2}, {x + width, 0.02, 2}, {x + width, 0.02, 0.5}}}, Rgb(0)});
+    surfaces.push_back(
+        {fmt::format("mirror{}", k), {{{x, 0.02, 0.5}, {x, 0.02, 2}, {x + width, 0.02, 2}, {x + width, 0.02, 0.5}}}, Rgb(0)});
     surfaces.back().mirror = Rgb(0.9);
   }
   if (glass) {
@@ -44,7 +45,8 @@ Measured measure(RowMaker& maker, const std::vector<uint32_t>& probes, const For
   Measured m{static_cast<double>(probes.size()) / watch.seconds(), 0};
   for (const uint32_t i : probes) {
     const auto a = f[i].expanded(), b = reference[i].expanded();
-    for (size_t j = 0; j < patches; ++j) m.error += std::abs(static_cast<double>(a[j]) - static_cast<double>(b[j])) / static_cast<double>(probes.size());
+    for (size_t j = 0; j < patches; ++j)
+      m.error += std::abs(static_cast<double>(a[j]) - static_cast<double>(b[j])) / static_cast<double>(probes.size());
   }
   return m;
 }
@@ -54,7 +56,8 @@ Measured measure(RowMaker& maker, const std::vector<uint32_t>& probes, const For
 int main() {
   fmt::print("{} and {}\n| scene | method | rows/s | row error (L1) | time for the error of rays:4096 |\n|---|---|---|---|---|\n",
              device().info().name, Tracer::versionText());
-  const std::tuple<const char*, int, bool> scenes[] = {{"no mirror", 0, false}, {"one mirror", 1, false}, {"ten mirrors", 10, false}, {"glass block", 0, true}};
+  const std::tuple<const char*, int, bool> scenes[] = {
+      {"no mirror", 0, false}, {"one mirror", 1, false}, {"ten mirrors", 10, false}, {"glass block", 0, true}};
   for (const auto& [name, mirrors, glass] : scenes) {
     const Scene scene = loadSurfaces(room(mirrors, glass));
     RayRun run(scene, {2000, 0}, {.rays = 4096});
@@ -77,8 +80,10 @@ int main() {
     if (run.patches.anySpecular()) options.tree = &tree;
     if (!glass) {
       if (mirrors > 0) imaged.images = &images.emplace(run.scene, run.facets, run.patches, TreeLimits{}, 256);
-      line("raster:64,positions=4", measure(*std::make_unique<RasterRowMaker>(device(), run.facets, run.patches, imaged), probes, reference, n));
+      line("raster:64,positions=4",
+           measure(*std::make_unique<RasterRowMaker>(device(), run.facets, run.patches, imaged), probes, reference, n));
     }
-    line("hybrid:64,positions=4", measure(*std::make_unique<RasterRowMaker>(device(), run.facets, run.patches, options), probes, reference, n));
+    line("hybrid:64,positions=4",
+         measure(*std::make_unique<RasterRowMaker>(device(), run.facets, run.patches, options), probes, reference, n));
   }
 }

@@ -37,8 +37,8 @@ int main(int argc, char** argv) {
   RTCScene scene = rtcNewScene(device);
   rtcSetSceneFlags(scene, RTC_SCENE_FLAG_ROBUST);
   RTCGeometry quads = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_QUAD);
-  auto* points = static_cast<float*>(rtcSetNewGeometryBuffer(quads, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, 12,
-                                                             box.facets.points.size()));
+  auto* points = static_cast<float*>(
+      rtcSetNewGeometryBuffer(quads, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, 12, box.facets.points.size()));
   for (const Vec3& p : box.facets.points) {
     for (int c = 0; c < 3; ++c) *points++ = static_cast<float>(p[c]);
   }
@@ -55,8 +55,8 @@ int main(int argc, char** argv) {
     for (size_t k = 0; k < 4; ++k) *indices++ = facet.corners[facet.parallelogram ? k : std::min<size_t>(k, 2)];
     const Vec3 t = anyPerpendicular(facet.normal);
     const glm::vec3 rho(box.reflectanceOf(f));
-    surfaces.push_back({glm::vec3(facet.normal), glm::vec3(t), glm::vec3(glm::cross(facet.normal, t)), rho,
-                        (rho.x + rho.y + rho.z) / 3});
+    surfaces.push_back(
+        {glm::vec3(facet.normal), glm::vec3(t), glm::vec3(glm::cross(facet.normal, t)), rho, (rho.x + rho.y + rho.z) / 3});
     if (maxChannel(box.emissionOf(f)) > 0) lamp = f;
   }
   rtcCommitGeometry(quads);
@@ -81,8 +81,7 @@ int main(int argc, char** argv) {
         for (;;) {
           const Surface& s = surfaces[at];
           const float r2 = random.next(), r = std::sqrt(r2), angle = 6.2831853f * random.next();
-          const glm::vec3 d =
-              r * std::cos(angle) * s.tangent + r * std::sin(angle) * s.bitangent + std::sqrt(1 - r2) * s.normal;
+          const glm::vec3 d = r * std::cos(angle) * s.tangent + r * std::sin(angle) * s.bitangent + std::sqrt(1 - r2) * s.normal;
           p += static_cast<float>(kRayOffset) * s.normal;
           RTCRayHit ray{};
           ray.ray = {p.x, p.y, p.z, 0, d.x, d.y, d.z, 0, std::numeric_limits<float>::infinity(), ~0u, 0, 0};

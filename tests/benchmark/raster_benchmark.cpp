@@ -39,8 +39,7 @@ void rowsPerSecond(benchmark::State& state, Projection projection) {
   for (size_t k = 0; k < kRows; ++k) wanted[k] = static_cast<uint32_t>(k * patches.size() / kRows);
   maker.makeRows(wanted, scratch, [](size_t) {});
   for (auto _ : state) maker.makeRows(wanted, scratch, [](size_t) {});
-  state.counters["rows/s"] =
-      benchmark::Counter(static_cast<double>(kRows), benchmark::Counter::kIsIterationInvariantRate);
+  state.counters["rows/s"] = benchmark::Counter(static_cast<double>(kRows), benchmark::Counter::kIsIterationInvariantRate);
   state.counters["patches"] = static_cast<double>(patches.size());
   state.SetLabel(device.info().name);
 }

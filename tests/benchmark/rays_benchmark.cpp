@@ -12,9 +12,7 @@ using namespace farol;
 class NoStore : public RowStore {
  public:
   std::span<float> row(uint32_t /*patch*/) override { return {}; }
-  void hits(uint32_t /*patch*/, std::span<const uint32_t> ids, float /*weight*/) override {
-    benchmark::DoNotOptimize(ids.data());
-  }
+  void hits(uint32_t /*patch*/, std::span<const uint32_t> ids, float /*weight*/) override { benchmark::DoNotOptimize(ids.data()); }
   void finish(uint32_t /*patch*/, const RowShares& /*shares*/) override {}
 };
 
@@ -40,8 +38,7 @@ struct Cornell {
 void count(benchmark::State& state, size_t rows) {
   const auto rays = static_cast<double>(state.range(0));
   state.counters["rows/s"] = benchmark::Counter(static_cast<double>(rows), benchmark::Counter::kIsIterationInvariantRate);
-  state.counters["rays/s"] =
-      benchmark::Counter(static_cast<double>(rows) * rays, benchmark::Counter::kIsIterationInvariantRate);
+  state.counters["rays/s"] = benchmark::Counter(static_cast<double>(rows) * rays, benchmark::Counter::kIsIterationInvariantRate);
 }
 
 void rowsByRays(benchmark::State& state) {

@@ -113,14 +113,15 @@ void jacobiOnDevice(benchmark::State& state) {
 struct SlowScene {
   SlowScene(double length, double rho)
       : run(test::loadSurfaces([&] {
-          auto box = test::closedBox({1, 1, length}, Rgb(rho));
-          box[4].emission = Rgb(1);
-          return box;
-        }()), {1500, 0}, [] {
-          RayOptions o;
-          o.rays = 1024;
-          return o;
-        }()) {
+              auto box = test::closedBox({1, 1, length}, Rgb(rho));
+              box[4].emission = Rgb(1);
+              return box;
+            }()),
+            {1500, 0}, [] {
+              RayOptions o;
+              o.rays = 1024;
+              return o;
+            }()) {
     run.makeAll();
   }
   test::RayRun run;
@@ -129,7 +130,8 @@ struct SlowScene {
 void slowly(benchmark::State& state, SolverKind kind) {
   static std::map<std::pair<int64_t, int64_t>, SlowScene> scenes;
   const auto length = state.range(0), rho = state.range(1);
-  const auto& run = scenes.try_emplace({length, rho}, static_cast<double>(length), 1e-3 * static_cast<double>(rho)).first->second.run;
+  const auto& run =
+      scenes.try_emplace({length, rho}, static_cast<double>(length), 1e-3 * static_cast<double>(rho)).first->second.run;
   SolveOptions o;
   o.kind = kind;
   Solution s;
@@ -139,15 +141,33 @@ void slowly(benchmark::State& state, SolverKind kind) {
   state.counters["radius"] = s.contraction;
 }
 void slowScenes(benchmark::internal::Benchmark* b) {
-  b->ArgNames({"length", "rho_1000"})->Args({20, 500})->Args({20, 950})->Args({20, 990})->Args({1, 990})->Args({1, 999})->Unit(benchmark::kMillisecond);
+  b->ArgNames({"length", "rho_1000"})
+      ->Args({20, 500})
+      ->Args({20, 950})
+      ->Args({20, 990})
+      ->Args({1, 990})
+      ->Args({1, 999})
+      ->Unit(benchmark::kMillisecond);
 }
 BENCHMARK_CAPTURE(slowly, jacobi, SolverKind::jacobi)->Apply(slowScenes);
 BENCHMARK_CAPTURE(slowly, gauss_seidel, SolverKind::gaussSeidel)->Apply(slowScenes);
 BENCHMARK_CAPTURE(slowly, conjugate_residuals, SolverKind::conjugateResiduals)->Apply(slowScenes);
 
 BENCHMARK(read)->ArgName("N")->Arg(4000)->Arg(16000)->UseManualTime()->Iterations(3)->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(sweep, jacobi, SolverKind::jacobi)->ArgName("N")->Arg(4000)->Arg(16000)->UseManualTime()->Iterations(3)->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(sweep, gauss_seidel, SolverKind::gaussSeidel)->ArgName("N")->Arg(4000)->Arg(16000)->UseManualTime()->Iterations(3)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(sweep, jacobi, SolverKind::jacobi)
+    ->ArgName("N")
+    ->Arg(4000)
+    ->Arg(16000)
+    ->UseManualTime()
+    ->Iterations(3)
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(sweep, gauss_seidel, SolverKind::gaussSeidel)
+    ->ArgName("N")
+    ->Arg(4000)
+    ->Arg(16000)
+    ->UseManualTime()
+    ->Iterations(3)
+    ->Unit(benchmark::kMillisecond);
 BENCHMARK(jacobiOnDevice)->ArgName("N")->Arg(4000)->Arg(16000)->UseManualTime()->Iterations(3)->Unit(benchmark::kMillisecond);
 
 }  // namespace

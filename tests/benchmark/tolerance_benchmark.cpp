@@ -23,7 +23,8 @@ std::vector<std::string> fixedSettings(const std::string& csv, double tolerance)
   const auto lines = test::readCsv(csv);
   std::vector<std::pair<double, std::string>> settings;
   for (size_t k = 1; k < lines.size(); ++k) {
-    if (std::stod(lines[k].at(lines[k].size() - 4)) <= tolerance) settings.emplace_back(std::stod(lines[k].at(lines[k].size() - 12)), lines[k].back());
+    if (std::stod(lines[k].at(lines[k].size() - 4)) <= tolerance)
+      settings.emplace_back(std::stod(lines[k].at(lines[k].size() - 12)), lines[k].back());
   }
   std::sort(settings.begin(), settings.end());
   std::vector<std::string> options;
@@ -46,22 +47,31 @@ int main(int argc, char** argv) {
   app.add_option("--seeds", seeds)->check(CLI::PositiveNumber);
   CLI11_PARSE(app, argc, argv);
   if (scenes.empty()) {
-    for (const char* s : {"cornell_box/cornell_box.gltf", "l_room/l_room.gltf", "reading_corner/reading_corner.glb", "white_furnace/white_furnace.gltf",
-                          "mirrors_and_glass/mirror_room.gltf", "mirrors_and_glass/facing_mirrors.gltf", "mirrors_and_glass/glass_block.gltf",
-                          "mirrors_and_glass/light_pipe.gltf"})
+    for (const char* s :
+         {"cornell_box/cornell_box.gltf", "l_room/l_room.gltf", "reading_corner/reading_corner.glb",
+          "white_furnace/white_furnace.gltf", "mirrors_and_glass/mirror_room.gltf", "mirrors_and_glass/facing_mirrors.gltf",
+          "mirrors_and_glass/glass_block.gltf", "mirrors_and_glass/light_pipe.gltf"})
       scenes.push_back(std::string(FAROL_SCENES "/") + s);
   }
   const TemporaryFolder folder;
   const std::string csv = folder.path("p.csv"), report = folder.path("r.json");
-  fmt::print("| scene | tolerance | chosen | error of H, mean and largest of {} seeds | met | seconds: whole process | forecast | by the best fixed setting | ratio | best fixed setting |\n|---|---|---|---|---|---|---|---|---|---|\n", seeds);
+  fmt::print(
+      "| scene | tolerance | chosen | error of H, mean and largest of {} seeds | met | seconds: whole process | forecast | by the "
+      "best fixed setting | ratio | best fixed setting |\n|---|---|---|---|---|---|---|---|---|---|\n",
+      seeds);
   size_t runs = 0, met = 0, forecasts = 0, near = 0;
   std::string agreement;
   for (const std::string& scene : scenes) {
     const std::string name = std::filesystem::path(scene).stem();
-    if (chartSeconds > 0) medianSeconds(fmt::format("{} chart {} -o {} --time {} --quiet 2> /dev/null", FAROL_PROGRAM, scene, folder.path("chart.svg"), chartSeconds), 1);
+    if (chartSeconds > 0)
+      medianSeconds(fmt::format("{} chart {} -o {} --time {} --quiet 2> /dev/null", FAROL_PROGRAM, scene, folder.path("chart.svg"),
+                                chartSeconds),
+                    1);
     Judge judge(scene);
     const HError paths = judge.agreement(most);
-    agreement += fmt::format("{}: final gathering differs from gathering paths by {:.2f} % in means over surfaces (resolved to {:.2f})\n", name, 100 * paths.error, 100 * paths.noise);
+    agreement +=
+        fmt::format("{}: final gathering differs from gathering paths by {:.2f} % in means over surfaces (resolved to {:.2f})\n",
+                    name, 100 * paths.error, 100 * paths.noise);
     for (const double tolerance : {0.05, 0.01, 0.002}) {
       if (tolerance < smallest || tolerance > largestTolerance) continue;
       double mean = 0, largest = 0, noise = 0;
@@ -70,9 +80,10 @@ int main(int argc, char** argv) {
       std::vector<double> whole, forecast;
       for (int seed = 1; seed <= seeds; ++seed) {
         const Stopwatch watch;
-        const int status = std::system(fmt::format("{} solve {} --tolerance {} --seed {} --patches-csv {} --report {} --quiet 2> /dev/null", FAROL_PROGRAM, scene,
-                                                   tolerance, seed, csv, report)
-                                           .c_str());
+        const int status =
+            std::system(fmt::format("{} solve {} --tolerance {} --seed {} --patches-csv {} --report {} --quiet 2> /dev/null",
+                                    FAROL_PROGRAM, scene, tolerance, seed, csv, report)
+                            .c_str());
         whole.push_back(watch.seconds());
         if (status != 0 && WEXITSTATUS(status) != 3) throw Error("farol solve {} failed", scene);
         const json r = json::parse(test::readText(report));
@@ -83,7 +94,9 @@ int main(int argc, char** argv) {
         if (std::max(forecast.back() / taken, taken / forecast.back()) <= kNear) ++near;
         ++forecasts;
         const std::string command = r["equivalent_command"];
-        chosen = fmt::format("{} patches{}, {}", r["counts"]["patches"].get<int>(), r.contains("adapted") ? " of several sizes" : "", command.substr(command.find("--method "), command.find(" --max-depth") - command.find("--method ")));
+        chosen =
+            fmt::format("{} patches{}, {}", r["counts"]["patches"].get<int>(), r.contains("adapted") ? " of several sizes" : "",
+                        command.substr(command.find("--method "), command.find(" --max-depth") - command.find("--method ")));
         const HError e = judge.judge(csv, command, tolerance, most);
         mean += e.error / seeds;
         largest = std::max(largest, e.error);
@@ -97,8 +110,10 @@ int main(int argc, char** argv) {
       const double median = whole[whole.size() / 2];
       std::string fixed;
       double best = 0;
-      for (const std::string& option : chartSeconds > 0 ? fixedSettings(folder.path("chart.csv"), tolerance) : std::vector<std::string>()) {
-        const std::string command = fmt::format("{} solve {} {} --patches-csv {} --report {} --quiet 2> /dev/null", FAROL_PROGRAM, scene, option, csv, report);
+      for (const std::string& option :
+           chartSeconds > 0 ? fixedSettings(folder.path("chart.csv"), tolerance) : std::vector<std::string>()) {
+        const std::string command = fmt::format("{} solve {} {} --patches-csv {} --report {} --quiet 2> /dev/null", FAROL_PROGRAM,
+                                                scene, option, csv, report);
         medianSeconds(command, 1);
         const std::string equivalent = json::parse(test::readText(report))["equivalent_command"];
         if (judge.judge(csv, equivalent, tolerance, most).error > tolerance) continue;
@@ -108,13 +123,15 @@ int main(int argc, char** argv) {
       }
       runs += static_cast<size_t>(told);
       met += static_cast<size_t>(good);
-      fmt::print("| {} | {} % | {} | {:.2f} and {:.2f} % (resolved to {:.2f}) | {} of {} | {:.3f} | {:.3f} | {} | {} | {} |\n", name, 100 * tolerance, chosen, 100 * mean,
-                 100 * largest, 100 * noise, good, told, median, forecast[forecast.size() / 2], best > 0 ? fmt::format("{:.3f}", best) : "not reached",
+      fmt::print("| {} | {} % | {} | {:.2f} and {:.2f} % (resolved to {:.2f}) | {} of {} | {:.3f} | {:.3f} | {} | {} | {} |\n",
+                 name, 100 * tolerance, chosen, 100 * mean, 100 * largest, 100 * noise, good, told, median,
+                 forecast[forecast.size() / 2], best > 0 ? fmt::format("{:.3f}", best) : "not reached",
                  best > 0 ? fmt::format("{:.1f}", median / best) : "", fixed.substr(0, fixed.find(" --solver")));
       std::fflush(stdout);
     }
   }
   fmt::print("\n{}", agreement);
-  fmt::print("\n{} of {} runs whose reference resolves their tolerance are below it ({:.0f} %)\n", met, runs, 100.0 * static_cast<double>(met) / static_cast<double>(std::max<size_t>(1, runs)));
+  fmt::print("\n{} of {} runs whose reference resolves their tolerance are below it ({:.0f} %)\n", met, runs,
+             100.0 * static_cast<double>(met) / static_cast<double>(std::max<size_t>(1, runs)));
   fmt::print("{} of {} forecasts of seconds are within a factor of 1.5\n", near, forecasts);
 }

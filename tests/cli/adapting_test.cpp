@@ -38,7 +38,8 @@ class LRoom {
   std::vector<Rgb> solved(SizedScene& s) const { return trialOf(s).lighting.solution.irradiance; }
 
   // Relative error of H of patches at `levels` halvings against means of the finest ones over them.
-  double errorOf(const PatchSet& patches, uint32_t levels, const std::vector<Rgb>& h, const PatchSet& fineSet, const std::vector<Rgb>& fineH) const {
+  double errorOf(const PatchSet& patches, uint32_t levels, const std::vector<Rgb>& h, const PatchSet& fineSet,
+                 const std::vector<Rgb>& fineH) const {
     std::vector<Rgb> sum(patches.size(), Rgb(0));
     std::vector<double> area(patches.size(), 0.0);
     Rgb total(0);
@@ -46,7 +47,8 @@ class LRoom {
       const Cell& cell = fineSet.cells[c];
       const CellGrid& grid = patches.grids[cell.facet];
       // Of the finer of the two grids.
-      const uint32_t coarse = coarserCell(fineSet.grids[cell.facet], facets_.facets[cell.facet].parallelogram, cell, kFine - levels);
+      const uint32_t coarse =
+          coarserCell(fineSet.grids[cell.facet], facets_.facets[cell.facet].parallelogram, cell, kFine - levels);
       const uint32_t p = patches.cellMap[(cell.back ? grid.backCell : grid.frontCell) + coarse];
       const double a = fineSet.patches[fineSet.cellMap[c]].area;
       sum[p] += a * fineH[fineSet.cellMap[c]];
@@ -78,9 +80,11 @@ TEST(Adapting, NeedsFewerPatchesForTheSameError) {
   SizedScene fine = room.ofLevel(LRoom::kFine), tree = room.ofTree(), uniform = room.ofLevel(2);
   const std::vector<Rgb> h = room.solved(fine);
   const Trial ofTree = room.trialOf(tree);
-  const double adapted = room.errorOf(tree.patches(), room.adapted().tree.levels(), ofTree.lighting.solution.irradiance, fine.patches(), h);
+  const double adapted =
+      room.errorOf(tree.patches(), room.adapted().tree.levels(), ofTree.lighting.solution.irradiance, fine.patches(), h);
   const double ofOneSize = room.errorOf(uniform.patches(), 2, room.solved(uniform), fine.patches(), h);
-  fmt::print("{} adapted patches: {:.2f} % of H; {} of one size: {:.2f} %\n", tree.patches().size(), 100 * adapted, uniform.patches().size(), 100 * ofOneSize);
+  fmt::print("{} adapted patches: {:.2f} % of H; {} of one size: {:.2f} %\n", tree.patches().size(), 100 * adapted,
+             uniform.patches().size(), 100 * ofOneSize);
   EXPECT_EQ(tree.patches().size(), room.adapted().patches);
   EXPECT_LT(tree.patches().size(), 1.3 * static_cast<double>(uniform.patches().size()));
   EXPECT_LT(adapted, 0.7 * ofOneSize);
@@ -119,7 +123,8 @@ TEST(Adapting, PowersOfTwoAreWorthMore) {
     return maxChannel(glm::sqrt(squares * area) / total);
   };
   const double half = errorOf(1024), more = errorOf(1536), nearly = errorOf(2000), whole = errorOf(2048);
-  fmt::print("{} patches, error of H by 1,024, 1,536, 2,000, 2,048 rays: {:.3f} {:.3f} {:.3f} {:.3f} %\n", grid.patches().size(), 100 * half, 100 * more, 100 * nearly, 100 * whole);
+  fmt::print("{} patches, error of H by 1,024, 1,536, 2,000, 2,048 rays: {:.3f} {:.3f} {:.3f} {:.3f} %\n", grid.patches().size(),
+             100 * half, 100 * more, 100 * nearly, 100 * whole);
   EXPECT_LT(whole, 0.9 * nearly);
   EXPECT_LT(whole, half * std::pow(2, -0.6));
   EXPECT_LT(more, half);
@@ -162,7 +167,8 @@ TEST(Clusters, AreChosenByATolerance) {
   const TemporaryFolder folder;
   const std::string path = folder.path("ball.gltf");
   writeText(path, gltfOf(ballRoom(8000)).dump());
-  const Outcome o = farol("solve " + path + " --tolerance 0.03 --patches-csv " + folder.path("p.csv") + " --report " + folder.path("r.json"));
+  const Outcome o =
+      farol("solve " + path + " --tolerance 0.03 --patches-csv " + folder.path("p.csv") + " --report " + folder.path("r.json"));
   ASSERT_EQ(o.exitCode, 0) << o.err;
   EXPECT_THAT(o.out, HasSubstr("--cluster 15"));
   const json r = json::parse(readText(folder.path("r.json")));
@@ -223,7 +229,9 @@ TEST(Adapting, DoesNotTakeNoiseForShadows) {
     setting.spec.rays = k == 0 ? 64 : 4096;
     setting.shadowRays = 1024;
     const Trial t = grid.solve(setting);
-    patches[k] = adaptPatches(room.facets(), grid.patches(), 3, t.f, t.lighting.direct, t.lighting.solution, setting.spec.rays, 1.3, 0.02).patches;
+    patches[k] =
+        adaptPatches(room.facets(), grid.patches(), 3, t.f, t.lighting.direct, t.lighting.solution, setting.spec.rays, 1.3, 0.02)
+            .patches;
   }
   fmt::print("{} patches by 64 rays, {} by 4,096\n", patches[0], patches[1]);
   EXPECT_NEAR(static_cast<double>(patches[0]), static_cast<double>(patches[1]), 0.06 * static_cast<double>(patches[1]));
@@ -271,7 +279,8 @@ TEST_F(AdaptCommand, EquivalentCommandGivesTheSameBytes) {
 // The trial is made by rays, whatever makes F: a plan that changes hemicubes must find the same patches.
 TEST_F(AdaptCommand, PatchesDoNotDependOnTheMethod) {
   const auto patches = [&](const std::string& method) {
-    EXPECT_EQ(farol("solve " FAROL_SCENES "/cornell_box/cornell_box.gltf --adapt 0.04 --report " + path("r.json") + method).exitCode, 0);
+    EXPECT_EQ(
+        farol("solve " FAROL_SCENES "/cornell_box/cornell_box.gltf --adapt 0.04 --report " + path("r.json") + method).exitCode, 0);
     return std::pair(report()["counts"]["patches"].get<int>(), report()["adapted"]["predicted"].get<double>());
   };
   EXPECT_EQ(patches(" --method raster --resolution 16"), patches(" --method rays --rays 64"));
@@ -279,7 +288,8 @@ TEST_F(AdaptCommand, PatchesDoNotDependOnTheMethod) {
 
 TEST_F(AdaptCommand, IsRefusedWherePatchesAreChosenOtherwise) {
   const std::string solve = "solve " FAROL_SCENES "/cornell_box/cornell_box.gltf --adapt 0.02 ";
-  for (const char* other : {"--patches 100", "--tolerance 0.01", "--illumination local", "--factors F.npz", "--cluster 10"}) EXPECT_EQ(farol(solve + other).exitCode, 2) << other;
+  for (const char* other : {"--patches 100", "--tolerance 0.01", "--illumination local", "--factors F.npz", "--cluster 10"})
+    EXPECT_EQ(farol(solve + other).exitCode, 2) << other;
 }
 
 }  // namespace

@@ -35,9 +35,8 @@ TEST(Program, ListsDevices) {
 
 TEST(Render, DrawsAPictureWithAReport) {
   const TemporaryFolder folder;
-  const Outcome o =
-      farol("render " + kCornell + " -o " + folder.path("p.png") + " --size 64x48 --patches 400 --report " +
-            folder.path("r.json") + " --patches-csv " + folder.path("p.csv"));
+  const Outcome o = farol("render " + kCornell + " -o " + folder.path("p.png") + " --size 64x48 --patches 400 --report " +
+                          folder.path("r.json") + " --patches-csv " + folder.path("p.csv"));
   ASSERT_EQ(o.exitCode, 0) << o.err;
   EXPECT_THAT(o.out, HasSubstr("converged"));
   const std::string png = readText(folder.path("p.png"));
@@ -68,10 +67,10 @@ TEST(Render, WritesLinearRadianceAsExr) {
 // The report's equivalent command repeats the run byte for byte, on any number of threads.
 TEST(Render, RepeatsBytesFromTheEquivalentCommand) {
   const TemporaryFolder folder;
-  ASSERT_EQ(farol("render " + kCornell + " -o " + folder.path("a.png") + " --size 80x80 --patches 300 --report " +
-                  folder.path("r.json"))
-                .exitCode,
-            0);
+  ASSERT_EQ(
+      farol("render " + kCornell + " -o " + folder.path("a.png") + " --size 80x80 --patches 300 --report " + folder.path("r.json"))
+          .exitCode,
+      0);
   const std::string first = readText(folder.path("a.png"));
   std::string command = json::parse(readText(folder.path("r.json")))["equivalent_command"];
   ASSERT_TRUE(command.starts_with("farol "));
@@ -96,8 +95,8 @@ TEST(Render, DrawsLocalIllumination) {
 
 TEST(Solve, KnowsTheWhiteFurnace) {
   const TemporaryFolder folder;
-  const Outcome o = farol("solve " + kFurnace + " -o " + folder.path("lit.glb") +
-                          " --patches 300 --residual 1e-9 --patches-csv " + folder.path("p.csv"));
+  const Outcome o = farol("solve " + kFurnace + " -o " + folder.path("lit.glb") + " --patches 300 --residual 1e-9 --patches-csv " +
+                          folder.path("p.csv"));
   ASSERT_EQ(o.exitCode, 0) << o.err;
   const double expected[3] = {1 / (1 - 0.5), 1 / (1 - 0.8), 1 / (1 - 0.9)};
   const auto rows = readCsv(folder.path("p.csv"));
@@ -110,10 +109,10 @@ TEST(Solve, KnowsTheWhiteFurnace) {
 TEST(Solve, AgreesBetweenSolvers) {
   const TemporaryFolder folder;
   for (const std::string solver : {"jacobi", "gauss-seidel", "conjugate-residuals"}) {
-    ASSERT_EQ(farol("solve " + kCornell + " --patches 300 --residual 1e-8 --solver " + solver + " --patches-csv " +
-                    folder.path(solver))
-                  .exitCode,
-              0);
+    ASSERT_EQ(
+        farol("solve " + kCornell + " --patches 300 --residual 1e-8 --solver " + solver + " --patches-csv " + folder.path(solver))
+            .exitCode,
+        0);
   }
   const auto a = readCsv(folder.path("jacobi"));
   for (const char* other : {"gauss-seidel", "conjugate-residuals"}) {
@@ -126,10 +125,8 @@ TEST(Solve, AgreesBetweenSolvers) {
 // One floor under a uniform sky that fills its hemisphere: H = sky.
 TEST(Solve, LightsAnOpenFloorFromTheSky) {
   const TemporaryFolder folder;
-  writeText(folder.path("floor.gltf"),
-            gltfOf({{"floor", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}, Rgb(0.25)}}).dump());
-  const Outcome o =
-      farol("solve " + folder.path("floor.gltf") + " --patches 16 --sky 3,2,1 --patches-csv " + folder.path("p.csv"));
+  writeText(folder.path("floor.gltf"), gltfOf({{"floor", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}, Rgb(0.25)}}).dump());
+  const Outcome o = farol("solve " + folder.path("floor.gltf") + " --patches 16 --sky 3,2,1 --patches-csv " + folder.path("p.csv"));
   ASSERT_EQ(o.exitCode, 0) << o.err;
   const auto rows = readCsv(folder.path("p.csv"));
   EXPECT_NEAR(std::stod(rows[1][18]), 3, 1e-12);
@@ -139,13 +136,11 @@ TEST(Solve, LightsAnOpenFloorFromTheSky) {
 TEST(Factors, WritesATableBySurface) {
   const TemporaryFolder folder;
   writeText(folder.path("box.gltf"), gltfOf(closedBox({1, 2, 3})).dump());
-  const Outcome o =
-      farol("factors " + folder.path("box.gltf") + " -o " + folder.path("f.csv") + " --patches 300 --positions 4");
+  const Outcome o = farol("factors " + folder.path("box.gltf") + " -o " + folder.path("f.csv") + " --patches 300 --positions 4");
   ASSERT_EQ(o.exitCode, 0) << o.err;
   const auto rows = readCsv(folder.path("f.csv"));
   ASSERT_EQ(rows.size(), 7u);
-  EXPECT_EQ(rows[0],
-            (std::vector<std::string>{"surface", "area", "x0", "x1", "y0", "y1", "z0", "z1", "(open)", "(cut)"}));
+  EXPECT_EQ(rows[0], (std::vector<std::string>{"surface", "area", "x0", "x1", "y0", "y1", "z0", "z1", "(open)", "(cut)"}));
   for (size_t i = 1; i < 7; ++i) {
     double sum = 0;
     for (size_t j = 2; j < rows[i].size(); ++j) sum += std::stod(rows[i][j]);
@@ -185,8 +180,8 @@ TEST(Sensors, ReadPointsAndGrids) {
 // Raster and rays agree on every supplied scene within what both state, on 95 of 100 rows.
 TEST(Compare, FindsRasterAndRaysInAgreementOnEverySuppliedScene) {
   const TemporaryFolder folder;
-  for (const std::string scene : {"cornell_box/cornell_box.gltf", "l_room/l_room.gltf",
-                                  "white_furnace/white_furnace.gltf", "reading_corner/reading_corner.glb"}) {
+  for (const std::string scene : {"cornell_box/cornell_box.gltf", "l_room/l_room.gltf", "white_furnace/white_furnace.gltf",
+                                  "reading_corner/reading_corner.glb"}) {
     const Outcome o = farol("compare " FAROL_SCENES "/" + scene + " raster:128 rays:4096 --patches 1500 --report " +
                             folder.path("r.json") + " -o " + folder.path("d.png") + " --size 64x48");
     ASSERT_EQ(o.exitCode, 0) << o.err;
@@ -216,10 +211,12 @@ nlohmann::json reportOf(const std::string& command) {
 // Dense rows, lists of hits, lists of entries; back sides that have rows; mirrors.
 TEST(Info, ForecastsTheMemoryOfF) {
   const std::string scenes = FAROL_SCENES "/";
-  for (const std::string run : {"cornell_box/cornell_box.gltf --patches 1000 --rays 4096", "cornell_box/cornell_box.gltf --patches 4000 --rays 256",
-                                 "cornell_box/cornell_box.gltf --patches 4000 --rays 1024", "reading_corner/reading_corner.glb --patches 12000 --rays 512",
-                                 "mirrors_and_glass/mirror_room.gltf --patches 1000 --rays 512"}) {
-    const double forecast = reportOf("info " + scenes + run + " --method rays")["matrix_bytes"], made = reportOf("factors " + scenes + run + " --method rays")["matrix_bytes"];
+  for (const std::string run :
+       {"cornell_box/cornell_box.gltf --patches 1000 --rays 4096", "cornell_box/cornell_box.gltf --patches 4000 --rays 256",
+        "cornell_box/cornell_box.gltf --patches 4000 --rays 1024", "reading_corner/reading_corner.glb --patches 12000 --rays 512",
+        "mirrors_and_glass/mirror_room.gltf --patches 1000 --rays 512"}) {
+    const double forecast = reportOf("info " + scenes + run + " --method rays")["matrix_bytes"],
+                 made = reportOf("factors " + scenes + run + " --method rays")["matrix_bytes"];
     EXPECT_NEAR(forecast, made, 0.03 * made) << run;
   }
 }
@@ -241,10 +238,13 @@ TEST(Info, ForecastsThePeakOfMemory) {
   GTEST_SKIP() << "sanitizers keep memory of their own";
 #endif
   const std::string scenes = FAROL_SCENES "/";
-  for (const std::string run : {"cornell_box/cornell_box.gltf --patches 40000 --rays 256 --method rays", "cornell_box/cornell_box.gltf --patches 4000 --rays 1024 --method rays",
-                                 "reading_corner/reading_corner.glb --patches 30000 --rays 128 --method rays", "l_room/l_room.gltf --tolerance 0.003",
-                                 "l_room/l_room.gltf --patches 6000 --resolution 32 --method raster"}) {
-    const double forecast = reportOf("info " + scenes + run)["forecast"]["peak_bytes"], made = reportOf("solve " + scenes + run)["peak_bytes"];
+  for (const std::string run :
+       {"cornell_box/cornell_box.gltf --patches 40000 --rays 256 --method rays",
+        "cornell_box/cornell_box.gltf --patches 4000 --rays 1024 --method rays",
+        "reading_corner/reading_corner.glb --patches 30000 --rays 128 --method rays", "l_room/l_room.gltf --tolerance 0.003",
+        "l_room/l_room.gltf --patches 6000 --resolution 32 --method raster"}) {
+    const double forecast = reportOf("info " + scenes + run)["forecast"]["peak_bytes"],
+                 made = reportOf("solve " + scenes + run)["peak_bytes"];
     std::printf("%s: %.1f MB of %.1f\n", run.c_str(), 1e-6 * forecast, 1e-6 * made);
     EXPECT_NEAR(forecast, made, 0.1 * made) << run;
   }

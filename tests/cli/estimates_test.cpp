@@ -50,8 +50,8 @@ void compareRows(const std::string& method, const std::string& what) {
     const TruthCase truth(k);
     if (!truth.onlyPolygons() || truth.id().starts_with("A15") || truth.id().starts_with("A16")) continue;
     writeText(folder.path("s.gltf"), gltfOf(truth.surfaces(4)).dump());
-    const Outcome o = farol("compare " + folder.path("s.gltf") + " " + method + " exact --patches 150 --report " +
-                            folder.path("r.json"));
+    const Outcome o =
+        farol("compare " + folder.path("s.gltf") + " " + method + " exact --patches 150 --report " + folder.path("r.json"));
     ASSERT_EQ(o.exitCode, 0) << o.err;
     const json r = json::parse(readText(folder.path("r.json")));
     for (const json& row : r["comparison"]["rows_l1_max_estimate"]) errors.add(row[2], row[0]);
@@ -59,15 +59,9 @@ void compareRows(const std::string& method, const std::string& what) {
   expectHonest(errors, 1, what);
 }
 
-TEST(StatedErrors, OfRowsByFewRays) {
-  compareRows("rays:256", "rows, rays:256");
-}
-TEST(StatedErrors, OfRowsByManyRays) {
-  compareRows("rays:4096", "rows, rays:4096");
-}
-TEST(StatedErrors, OfRowsByRaster) {
-  compareRows("raster:64", "rows, raster:64");
-}
+TEST(StatedErrors, OfRowsByFewRays) { compareRows("rays:256", "rows, rays:256"); }
+TEST(StatedErrors, OfRowsByManyRays) { compareRows("rays:4096", "rows, rays:4096"); }
+TEST(StatedErrors, OfRowsByRaster) { compareRows("raster:64", "rows, raster:64"); }
 
 struct Line {
   std::array<double, 3> h;
@@ -109,8 +103,9 @@ std::vector<LitScene> litScenes() {
     corridor[4].emission = Rgb(1);
     scenes.push_back({"corridor", corridor});
   }
-  scenes.push_back({"plates", {{"1", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}, Rgb(0.5), Rgb(1)},
-                               {"2", {{{0, 0, 1}, {0, 1, 1}, {1, 1, 1}, {1, 0, 1}}}, Rgb(0.8), Rgb(0)}}});
+  scenes.push_back({"plates",
+                    {{"1", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}, Rgb(0.5), Rgb(1)},
+                     {"2", {{{0, 0, 1}, {0, 1, 1}, {1, 1, 1}, {1, 0, 1}}}, Rgb(0.8), Rgb(0)}}});
   auto sphere = sphereZones("zone", 1, true, {-1, -0.96, 1}, 24);
   sphere[0].reflectance = Rgb(0);
   sphere[0].emission = Rgb(10);
@@ -122,8 +117,7 @@ std::vector<LitScene> litScenes() {
   outer[0].reflectance = Rgb(0.7);
   scenes.push_back({"concentric spheres", {inner[0], outer[0]}, false});
   auto room = closedBox({4, 4, 2.7}, Rgb(0.5, 0.7, 0.8));
-  room.push_back(
-      {"lamp", {{{1.8, 1.8, 2.69}, {1.8, 2.2, 2.69}, {2.2, 2.2, 2.69}, {2.2, 1.8, 2.69}}}, Rgb(0), Rgb(50, 40, 30)});
+  room.push_back({"lamp", {{{1.8, 1.8, 2.69}, {1.8, 2.2, 2.69}, {2.2, 2.2, 2.69}, {2.2, 1.8, 2.69}}}, Rgb(0), Rgb(50, 40, 30)});
   scenes.push_back({"lamp", room, false});
   return scenes;
 }
@@ -138,8 +132,8 @@ void compareIrradiance(const std::string& options, size_t patches, const std::st
     static std::map<std::string, std::vector<Line>> references;  // by scene and count, for all methods
     std::vector<Line>& exact = references[gltfOf(lit.surfaces).dump() + count];
     if (exact.empty())
-      exact = solve(scene, (lit.open ? "--method exact --emitters matrix" : "--method rays --rays 65536 --shadow-rays 4096") + count,
-              folder);
+      exact = solve(
+          scene, (lit.open ? "--method exact --emitters matrix" : "--method rays --rays 65536 --shadow-rays 4096") + count, folder);
     const auto found = solve(scene, options + count, folder);
     ASSERT_EQ(exact.size(), found.size());
     double mean = 0;  // scenes count alike whatever their brightness
@@ -162,7 +156,8 @@ TEST(StatedErrors, OfHemicubesAreThoseOfThePatchesThatAreKept) {
     for (TestSurface& s : box) s.twoSided = twoSided;
     writeText(folder.path("s.gltf"), gltfOf(box).dump());
     std::vector<double> errors;
-    for (const Line& line : solve(folder.path("s.gltf"), "--method raster --resolution 16 --emitters matrix --patches 600", folder)) {
+    for (const Line& line :
+         solve(folder.path("s.gltf"), "--method raster --resolution 16 --emitters matrix --patches 600", folder)) {
       if (line.h[0] > 0) errors.push_back(line.err);
     }
     EXPECT_GT(errors.size(), 500u);
@@ -173,15 +168,11 @@ TEST(StatedErrors, OfHemicubesAreThoseOfThePatchesThatAreKept) {
   EXPECT_NEAR(two, one, 0.2 * one);
 }
 
-TEST(StatedErrors, OfIrradianceByRays) {
-  compareIrradiance("--method rays", 400, "irradiance, rays:256");
-}
+TEST(StatedErrors, OfIrradianceByRays) { compareIrradiance("--method rays", 400, "irradiance, rays:256"); }
 TEST(StatedErrors, OfIrradianceWithEmittersInF) {
   compareIrradiance("--method rays --emitters matrix", 400, "irradiance, rays:4096, matrix");
 }
-TEST(StatedErrors, OfIrradianceByRaster) {
-  compareIrradiance("--method raster", 400, "irradiance, raster:64");
-}
+TEST(StatedErrors, OfIrradianceByRaster) { compareIrradiance("--method raster", 400, "irradiance, raster:64"); }
 
 }  // namespace
 }  // namespace farol::test

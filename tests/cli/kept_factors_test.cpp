@@ -66,20 +66,23 @@ TEST_F(KeptFactors, GiveWhatTheSameRowsGiveUnderNewLightAndPaint) {
 
 // The rows made once more, which tell the error, are kept as well; a file without them has them traced anew.
 TEST_F(KeptFactors, KeepWhatTellsTheirError) {
-  const std::string strip = fmt::format("import zipfile; a = zipfile.ZipFile('{}'); b = zipfile.ZipFile('{}', 'w'); "
-                                        "[b.writestr(n, a.read(n)) for n in a.namelist() if not n.startswith('farol_again')]; "
-                                        "assert len(b.namelist()) + 5 == len(a.namelist())",
-                                        path("F.npz"), path("stripped.npz"));
+  const std::string strip = fmt::format(
+      "import zipfile; a = zipfile.ZipFile('{}'); b = zipfile.ZipFile('{}', 'w'); "
+      "[b.writestr(n, a.read(n)) for n in a.namelist() if not n.startswith('farol_again')]; "
+      "assert len(b.namelist()) + 5 == len(a.namelist())",
+      path("F.npz"), path("stripped.npz"));
   ASSERT_EQ(std::system(("/usr/bin/python3 -c \"" + strip + "\"").c_str()), 0);
   std::array<double, 2> error{};
   for (const size_t k : {size_t{0}, size_t{1}}) {
-    const Outcome o = farol("solve " + path("room.gltf") + " --factors " + path(k == 0 ? "F.npz" : "stripped.npz") + " --report " + path("r.json"));
+    const Outcome o = farol("solve " + path("room.gltf") + " --factors " + path(k == 0 ? "F.npz" : "stripped.npz") + " --report " +
+                            path("r.json"));
     ASSERT_EQ(o.exitCode, 0) << o.err;
     error[k] = json::parse(readText(path("r.json"))).at("estimated_error").get<double>();
   }
   // Without lamps apart nothing is traced then.
   for (const bool stripped : {false, true}) {
-    farol("solve " + path("room.gltf") + " --emitters matrix --factors " + path(stripped ? "stripped.npz" : "F.npz") + " --report " + path("r.json"));
+    farol("solve " + path("room.gltf") + " --emitters matrix --factors " + path(stripped ? "stripped.npz" : "F.npz") +
+          " --report " + path("r.json"));
     EXPECT_EQ(json::parse(readText(path("r.json"))).contains("embree"), stripped);
   }
   EXPECT_GT(error[0], 0);
@@ -89,20 +92,23 @@ TEST_F(KeptFactors, KeepWhatTellsTheirError) {
 // Data lie at multiples of 64 bytes, to be used in place; a file whose data do not is read as well, one that something compressed
 // is refused.
 TEST_F(KeptFactors, AreUsedWhereTheyLie) {
-  const std::string look = "import zipfile, struct; f = open('" + path("F.npz") +
-                           "', 'rb'); at = lambda i: (f.seek(i.header_offset + 26), i.header_offset + 30 + sum(struct.unpack('<HH', f.read(4))))[1]; "
-                           "starts = [at(i) % 64 for i in zipfile.ZipFile(f).infolist()]; assert len(starts) > 10 and not any(starts), starts";
+  const std::string look =
+      "import zipfile, struct; f = open('" + path("F.npz") +
+      "', 'rb'); at = lambda i: (f.seek(i.header_offset + 26), i.header_offset + 30 + sum(struct.unpack('<HH', f.read(4))))[1]; "
+      "starts = [at(i) % 64 for i in zipfile.ZipFile(f).infolist()]; assert len(starts) > 10 and not any(starts), starts";
   EXPECT_EQ(std::system(("/usr/bin/python3 -c \"" + look + "\"").c_str()), 0);
   const auto again = [&](const std::string& name, const std::string& how) {
-    const std::string copy = fmt::format("import zipfile; a = zipfile.ZipFile('{}'); b = zipfile.ZipFile('{}', 'w', zipfile.{}); b.writestr('x', 'yz'); "
-                                         "[b.writestr(n, a.read(n)) for n in a.namelist()]",
-                                         path("F.npz"), path(name), how);
+    const std::string copy = fmt::format(
+        "import zipfile; a = zipfile.ZipFile('{}'); b = zipfile.ZipFile('{}', 'w', zipfile.{}); b.writestr('x', 'yz'); "
+        "[b.writestr(n, a.read(n)) for n in a.namelist()]",
+        path("F.npz"), path(name), how);
     return std::system(("/usr/bin/python3 -c \"" + copy + "\"").c_str());
   };
   ASSERT_EQ(again("unaligned.npz", "ZIP_STORED"), 0);
   ASSERT_EQ(again("compressed.npz", "ZIP_DEFLATED"), 0);
   EXPECT_EQ(solved("room.gltf", "--factors " + path("unaligned.npz")), solved("room.gltf", "--factors " + path("F.npz")));
-  expectRefused("solve " + path("room.gltf") + " --factors " + path("compressed.npz"), "compressed.npz: member farol_method.npy is compressed");
+  expectRefused("solve " + path("room.gltf") + " --factors " + path("compressed.npz"),
+                "compressed.npz: member farol_method.npy is compressed");
 }
 
 TEST_F(KeptFactors, NeedNoVulkanDevice) {
@@ -176,22 +182,23 @@ TEST_F(KeptFactors, AreDetectedWhenDamaged) {
 // Written by another program, with checksums that fit.
 TEST_F(KeptFactors, AreRefusedWhereEntriesAreNotPossible) {
   const auto rewritten = [&](const std::string& change) {
-    const std::string script = "import numpy; a = dict(numpy.load('" + path("F.npz") + "')); k = int(a['indptr'][7]); n = int(a['shape'][0]); i = a['indices']; v = a['data']; " +
-                               change + "; numpy.savez('" + path("D.npz") + "', **a)";
+    const std::string script = "import numpy; a = dict(numpy.load('" + path("F.npz") +
+                               "')); k = int(a['indptr'][7]); n = int(a['shape'][0]); i = a['indices']; v = a['data']; " + change +
+                               "; numpy.savez('" + path("D.npz") + "', **a)";
     EXPECT_EQ(std::system(("/usr/bin/python3 -c \"" + script + "\"").c_str()), 0);
   };
   rewritten("pass");
   EXPECT_EQ(solved("room.gltf", "--factors " + path("D.npz")), solved("room.gltf", "--factors " + path("F.npz")));
-  for (const char* change : {"i[k], i[k + 1] = int(i[k + 1]), int(i[k])", "i[k + 1] = i[k]", "i[a['indptr'][8] - 1] = n", "i[k] = -1", "v[k] = -1e-6", "v[k] = numpy.nan",
-                             "v[k] = 2000", "v[k] = numpy.inf"}) {
+  for (const char* change : {"i[k], i[k + 1] = int(i[k + 1]), int(i[k])", "i[k + 1] = i[k]", "i[a['indptr'][8] - 1] = n",
+                             "i[k] = -1", "v[k] = -1e-6", "v[k] = numpy.nan", "v[k] = 2000", "v[k] = numpy.inf"}) {
     rewritten(change);
     expectRefused("solve " + path("room.gltf") + " --factors " + path("D.npz"), "D.npz: row 7 has an entry outside");
   }
 }
 
 TEST_F(KeptFactors, AreComparedWithTheMethodThatMadeThem) {
-  const Outcome o = farol("compare " + path("room.gltf") + " " + path("F.npz") + " rays:512 --patches 500 --seed 7 --report " +
-                          path("r.json"));
+  const Outcome o =
+      farol("compare " + path("room.gltf") + " " + path("F.npz") + " rays:512 --patches 500 --seed 7 --report " + path("r.json"));
   ASSERT_EQ(o.exitCode, 0) << o.err;
   EXPECT_LT(json::parse(readText(path("r.json")))["comparison"]["l1_mean"].get<double>(), 1e-6);
 }

@@ -1,6 +1,7 @@
 // Scenes of known radiosity by the program itself with everything on: near field, emitters apart, covered area. The
 // same answers as tests/analytic/radiosity_test.cpp (sources there), within the same bounds, by rays and by raster.
 #include "known_radiosity.h"
+
 #include "program.h"
 #include "test_scene.h"
 
@@ -12,9 +13,9 @@ namespace farol::test {
 namespace {
 
 struct Means {
-  std::map<std::string, Rgb> b;            // per surface, area-weighted
-  std::map<double, double> wallByHeight;   // mean B of the four walls by z in halves, red
-  double h = 0;                            // over everything, red
+  std::map<std::string, Rgb> b;           // per surface, area-weighted
+  std::map<double, double> wallByHeight;  // mean B of the four walls by z in halves, red
+  double h = 0;                           // over everything, red
   size_t patches = 0;
 };
 

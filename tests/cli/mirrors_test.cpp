@@ -40,7 +40,8 @@ class Mirrors : public ::testing::Test {
     double mean = 0;
   };
   Column solve(const std::string& how, size_t column = 18) const {
-    const Outcome o = farol("solve " + path("room.gltf") + " " + how + " --patches-csv " + path("p.csv") + " --report " + path("r.json"));
+    const Outcome o =
+        farol("solve " + path("room.gltf") + " " + how + " --patches-csv " + path("p.csv") + " --report " + path("r.json"));
     EXPECT_EQ(o.exitCode, 0) << o.err;
     EXPECT_EQ(o.err.find("warning"), std::string::npos) << o.err;
     Column c;
@@ -67,7 +68,8 @@ TEST_F(Mirrors, LampsApartLoseNothing) {
   const Column matrix = solve("--patches 400 --emitters matrix --rays 65536");
   EXPECT_LT(report()["energy"]["relative_error"], 0.005);
   // With 1,024 rays and 64 shadow rays the energy scatters by 0.5 % from seed to seed, with these by 0.1 %.
-  for (const char* how : {"--rays 4096 --shadow-rays 1024", "--method hybrid --positions 4 --shadow-rays 1024", "--method raster --positions 4 --shadow-rays 1024"}) {
+  for (const char* how : {"--rays 4096 --shadow-rays 1024", "--method hybrid --positions 4 --shadow-rays 1024",
+                          "--method raster --positions 4 --shadow-rays 1024"}) {
     const Column apart = solve(std::string("--patches 400 --emitters apart ") + how);
     EXPECT_EQ(report()["light"]["lamps_apart"], 1);
     EXPECT_NEAR(apart.mean, matrix.mean, 0.01 * matrix.mean) << how;
@@ -83,13 +85,15 @@ TEST_F(Mirrors, LampsApartLoseNothing) {
   }
 }
 
-// Two mirrors face each other: a hundred images of the lamp, or light that is followed from it, on patches of many sizes. Both bring
-// all of the light, and each patch as much as the other says.
+// Two mirrors face each other: a hundred images of the lamp, or light that is followed from it, on patches of many sizes. Both
+// bring all of the light, and each patch as much as the other says.
 TEST_F(Mirrors, ShowEveryImageToPatchesOfAllSizes) {
   std::array<std::vector<std::vector<std::string>>, 2> lines;
   for (const size_t k : {size_t{0}, size_t{1}}) {  // no more images than shadow rays
-    const Outcome o = farol(fmt::format("solve {}/mirrors_and_glass/facing_mirrors.gltf --patch-size 2.8 --adapt 0.02 --method rays --rays 1024 --shadow-rays {} --patches-csv {} --report {}",
-                                        FAROL_SCENES, k == 0 ? 512 : 128, path("p.csv"), path("r.json")));
+    const Outcome o =
+        farol(fmt::format("solve {}/mirrors_and_glass/facing_mirrors.gltf --patch-size 2.8 --adapt 0.02 --method rays --rays 1024 "
+                          "--shadow-rays {} --patches-csv {} --report {}",
+                          FAROL_SCENES, k == 0 ? 512 : 128, path("p.csv"), path("r.json")));
     ASSERT_EQ(o.exitCode, 0) << o.err;
     EXPECT_LT(report()["energy"]["relative_error"], 0.002);
     lines[k] = readCsv(path("p.csv"));
@@ -126,7 +130,8 @@ TEST_F(Mirrors, ColouredOnesGiveEachChannelItsOwnF) {
     write();
     const Column alike = solve(how, 18 + c);
     EXPECT_FALSE(report()["three_form_factors"]);
-    for (size_t k = 0; k < alike.values.size(); ++k) EXPECT_NEAR(alike.values[k], got[c].values[k], 1e-5 * (0.1 + got[c].values[k])) << c;
+    for (size_t k = 0; k < alike.values.size(); ++k)
+      EXPECT_NEAR(alike.values[k], got[c].values[k], 1e-5 * (0.1 + got[c].values[k])) << c;
   }
   // So is the error of what only green light knows.
   room_[6].emission = Rgb(0, 50, 0);
@@ -196,7 +201,11 @@ TEST_F(Mirrors, ShowSensorsALampOnce) {
   auto room = closedBox({2, 3, 2.5}, Rgb(0));
   room[0].mirror = Rgb(0.8);
   constexpr double kLow = 1.3, kSide = 0.4, kHeight = 2.2, kEmission = 50;
-  room.push_back({"lamp", {{{0.3, kLow, kHeight}, {0.3, kLow + kSide, kHeight}, {0.3 + kSide, kLow + kSide, kHeight}, {0.3 + kSide, kLow, kHeight}}}, Rgb(0), Rgb(kEmission)});
+  room.push_back(
+      {"lamp",
+       {{{0.3, kLow, kHeight}, {0.3, kLow + kSide, kHeight}, {0.3 + kSide, kLow + kSide, kHeight}, {0.3 + kSide, kLow, kHeight}}},
+       Rgb(0),
+       Rgb(kEmission)});
   writeText(path("room.gltf"), gltfOf(room).dump());
   writeText(path("s.csv"), "0.4,1.4,0,0,0,1\n");
   solve("--patches 300 --rays 1024 --sensors " + path("s.csv"));
@@ -205,8 +214,10 @@ TEST_F(Mirrors, ShowSensorsALampOnce) {
   for (int i = 0; i < kPoints; ++i) {
     for (int j = 0; j < kPoints; ++j) {
       for (const double side : {1.0, -1.0}) {
-        const Vec3 d = Vec3(side * (0.3 + kSide * (i + 0.5) / kPoints), kLow + kSide * (j + 0.5) / kPoints, kHeight) - Vec3(0.4, 1.4, 0);
-        exact += (side > 0 ? 1 : 0.8) * kEmission * kSide * kSide / (kPoints * kPoints) * d.z * d.z / (kPi * std::pow(glm::dot(d, d), 2));
+        const Vec3 d =
+            Vec3(side * (0.3 + kSide * (i + 0.5) / kPoints), kLow + kSide * (j + 0.5) / kPoints, kHeight) - Vec3(0.4, 1.4, 0);
+        exact += (side > 0 ? 1 : 0.8) * kEmission * kSide * kSide / (kPoints * kPoints) * d.z * d.z /
+                 (kPi * std::pow(glm::dot(d, d), 2));
       }
     }
   }
@@ -233,12 +244,20 @@ TEST_F(Mirrors, ShowPunctualLights) {
 
   // The mirror behind a pane that takes no light away and does not bend it: images end, and light is followed.
   const double images = solve("--patches 400 --rays 1024").mean;
-  room.push_back({"pane", {{{1.9, 2.9, 2.3}, {1.95, 2.9, 2.3}, {1.95, 2.95, 2.3}, {1.9, 2.95, 2.3}}}, Rgb(0), Rgb(0), true, Rgb(0), Rgb(1), 1});
+  room.push_back({"pane",
+                  {{{1.9, 2.9, 2.3}, {1.95, 2.9, 2.3}, {1.95, 2.95, 2.3}, {1.9, 2.95, 2.3}}},
+                  Rgb(0),
+                  Rgb(0),
+                  true,
+                  Rgb(0),
+                  Rgb(1),
+                  1});
   writeWithCandle(room);
   EXPECT_NEAR(solve("--patches 400 --rays 1024").mean, images, 0.003 * images);
   EXPECT_NEAR(report()["energy"]["from_punctual_lights"][0].get<double>(), 40 * kPi, 0.5);
   EXPECT_LT(report()["energy"]["relative_error"], 0.002);
-  const Outcome o = farol("solve " + path("room.gltf") + " --patches 100 --sensors " + path("s.csv") + " --patches-csv " + path("p.csv"));
+  const Outcome o =
+      farol("solve " + path("room.gltf") + " --patches 100 --sensors " + path("s.csv") + " --patches-csv " + path("p.csv"));
   EXPECT_EQ(o.exitCode, 0) << o.err;
   EXPECT_THAT(o.err, HasSubstr("[sensors-and-punctual-lights]"));
 }
@@ -249,7 +268,8 @@ TEST_F(Mirrors, ShowPunctualLightsManyTimes) {
   room[0].mirror = room[1].mirror = Rgb(0.8);
   ASSERT_EQ(room[1].name, "x1");
   writeWithCandle(room);
-  const double followed = solve("--patches 400 --rays 256 --shadow-rays 64").mean, images = solve("--patches 400 --rays 256 --shadow-rays 256").mean;
+  const double followed = solve("--patches 400 --rays 256 --shadow-rays 64").mean,
+               images = solve("--patches 400 --rays 256 --shadow-rays 256").mean;
   EXPECT_NEAR(followed, images, 0.005 * images);
   EXPECT_NEAR(report()["energy"]["from_punctual_lights"][0].get<double>(), 40 * kPi, 0.005 * 40 * kPi);
 }

@@ -59,7 +59,9 @@ TEST_F(Relighting, GivesWhatScenesOfTheirOwnGive) {
     variants.push_back({{"name", fmt::format("v{}", k)}, {"materials", {{"paint of left", {{"emission", {k, 2 * k, 3}}}}}}});
     if (k % 2 == 1) variants.back()["materials"]["paint of right"] = {{"emission", {0, 7, 0}}};
   }
-  variants.push_back({{"name", "painted"}, {"materials", {{"paint of x0", {{"diffuse", {0.9, 0.1, 0.2}}}}, {"paint of left", {{"emission", {1, 1, 1}}}}}}});
+  variants.push_back(
+      {{"name", "painted"},
+       {"materials", {{"paint of x0", {{"diffuse", {0.9, 0.1, 0.2}}}}, {"paint of left", {{"emission", {1, 1, 1}}}}}}});
   writeText(path("variants.json"), variants.dump());
   for (const char* emitters : {"matrix", "apart"}) {
     const std::string how = std::string("--emitters ") + emitters;
@@ -74,7 +76,8 @@ TEST_F(Relighting, GivesWhatScenesOfTheirOwnGive) {
       auto before = room_;
       for (const auto& [material, change] : materials.items()) {
         for (const auto& [key, value] : change.items())
-          (key == "emission" ? surface(material.substr(9)).emission : surface(material.substr(9)).reflectance) = Rgb(value[0], value[1], value[2]);
+          (key == "emission" ? surface(material.substr(9)).emission : surface(material.substr(9)).reflectance) =
+              Rgb(value[0], value[1], value[2]);
       }
       write("own.gltf");
       room_ = before;
@@ -86,7 +89,9 @@ TEST_F(Relighting, GivesWhatScenesOfTheirOwnGive) {
         size_t outside = 0;
         for (size_t i = 0; i < own.size(); ++i) {
           // With lamps in F the same linear system; apart, the same up to the noise of shadow rays.
-          if (std::string(emitters) == "matrix") { EXPECT_NEAR(got[i], own[i], 1e-5 * (0.1 + own[i])) << name << " " << i; }
+          if (std::string(emitters) == "matrix") {
+            EXPECT_NEAR(got[i], own[i], 1e-5 * (0.1 + own[i])) << name << " " << i;
+          }
           if (std::abs(got[i] - own[i]) > 3 * (err[i] + combinedErr[i])) ++outside;
         }
         EXPECT_LE(outside, own.size() / 50) << name;
@@ -111,7 +116,8 @@ TEST_F(Relighting, RefusesVariantsThatMeanNothing) {
 
 TEST_F(Relighting, SolvesOnTheDeviceAsOnTheCpu) {
   for (const char* on : {"cpu", "gpu"})
-    solve("room.gltf", std::string("--solve-on ") + on + " --patches-csv " + path(fmt::format("{}.csv", on)) + " --report " + path("report.json"));
+    solve("room.gltf", std::string("--solve-on ") + on + " --patches-csv " + path(fmt::format("{}.csv", on)) + " --report " +
+                           path("report.json"));
   const auto here = column("cpu.csv", 18), there = column("gpu.csv", 18);
   ASSERT_EQ(here.size(), there.size());
   for (size_t i = 0; i < here.size(); ++i) EXPECT_NEAR(here[i], there[i], 1e-6 * here[i]);
@@ -164,13 +170,15 @@ TEST(WhiteFurnace, HoldsAtEverySizeUpToReflectance0999) {
   const TemporaryFolder folder;
   for (const double rho : {0.5, 0.99, 0.999}) {
     writeText(folder.path("furnace.gltf"), gltfOf(closedBox({1, 2, 1.5}, Rgb(rho), Rgb(1))).dump());
-    for (const char* how : {"--patches 6 --rays 256", "--patches 100 --rays 4096", "--patches 1500 --rays 256", "--patches 600 --method raster",
-                            "--patches 600 --rays 1024 --solve-on gpu", "--patches 700 --rays 4096 --memory 2M"}) {
+    for (const char* how :
+         {"--patches 6 --rays 256", "--patches 100 --rays 4096", "--patches 1500 --rays 256", "--patches 600 --method raster",
+          "--patches 600 --rays 1024 --solve-on gpu", "--patches 700 --rays 4096 --memory 2M"}) {
       const Outcome o = farol("solve " + folder.path("furnace.gltf") + " " + how + " --patches-csv " + folder.path("p.csv"));
       ASSERT_EQ(o.exitCode, 0) << o.err;
       const auto lines = readCsv(folder.path("p.csv"));
       const double exact = 1 / (1 - rho), tolerance = rho > 0.99 ? 1e-4 : 1e-5;
-      for (size_t k = 1; k < lines.size(); ++k) ASSERT_NEAR(std::stod(lines[k].at(15)), exact, tolerance * exact) << rho << " " << how;
+      for (size_t k = 1; k < lines.size(); ++k)
+        ASSERT_NEAR(std::stod(lines[k].at(15)), exact, tolerance * exact) << rho << " " << how;
     }
   }
 }

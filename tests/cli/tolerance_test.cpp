@@ -1,5 +1,6 @@
 // farol chart and --tolerance, as a user sees them.
 #include "cli/tolerance.h"
+
 #include "program.h"
 #include "test_scene.h"
 
@@ -71,7 +72,8 @@ TEST_F(Tolerance, ListsEveryChoice) {
     return names;
   };
   ASSERT_EQ(solve(kCornell, "--tolerance 0.05").exitCode, 0);
-  EXPECT_THAT(listed(), ::testing::UnorderedElementsAre("patches", "method", "shadow rays", "emitters", "solver", "residual", "storage"));
+  EXPECT_THAT(listed(),
+              ::testing::UnorderedElementsAre("patches", "method", "shadow rays", "emitters", "solver", "residual", "storage"));
   ASSERT_EQ(solve(kCornell, "--tolerance 0.1 --method raster").exitCode, 0);
   EXPECT_THAT(listed(), ::testing::IsSupersetOf({"positions", "near field"}));
 }
@@ -170,7 +172,8 @@ TEST_F(Tolerance, IsMetOnAKnownRoom) {
       const auto found = readCsv(path("p.csv"));
       // Many more rays on the same patches.
       const std::string command = r["equivalent_command"];
-      const std::string size = command.substr(command.find("--patch-size"), command.find(" --method") - command.find("--patch-size"));
+      const std::string size =
+          command.substr(command.find("--patch-size"), command.find(" --method") - command.find("--patch-size"));
       ASSERT_EQ(solve(path("s.gltf"), size + " --rays 16384 --shadow-rays 4096 --seed 99").exitCode, 0);
       const auto better = readCsv(path("p.csv"));
       ASSERT_EQ(better.size(), found.size());
@@ -194,7 +197,8 @@ TEST_F(Tolerance, IsTheDefaultAndItsCommandRepeatsTheBytes) {
   EXPECT_EQ(r["tolerance"]["asked"], 0.01);
   EXPECT_GE(r["tolerance"]["choices"].size(), 3u);
   const auto rays = r["options"]["rays"].get<uint32_t>();
-  EXPECT_TRUE(std::has_single_bit(rays) || (rays % 3 == 0 && std::has_single_bit(rays / 3))) << rays << " rays are not spread evenly";
+  EXPECT_TRUE(std::has_single_bit(rays) || (rays % 3 == 0 && std::has_single_bit(rays / 3)))
+      << rays << " rays are not spread evenly";
   expectRepeats();
   // What decides accuracy being given, nothing is chosen.
   ASSERT_EQ(solve(kCornell, "--patches 100").exitCode, 0);
@@ -210,7 +214,8 @@ TEST_F(Tolerance, AdaptsPatchesWhereThatPays) {
   EXPECT_GT(r["options"]["adapt"].get<double>(), 0);
   EXPECT_TRUE(r.contains("adapted"));
   EXPECT_LT(r["counts"]["patches"].get<int>(), 40000);
-  EXPECT_NEAR(r["tolerance"]["estimated_error"]["patches"].get<double>(), r["options"]["adapt"].get<double>(), 0.4 * r["options"]["adapt"].get<double>());
+  EXPECT_NEAR(r["tolerance"]["estimated_error"]["patches"].get<double>(), r["options"]["adapt"].get<double>(),
+              0.4 * r["options"]["adapt"].get<double>());
   expectRepeats();
   // Where memory does not hold patches of one size, too.
   ASSERT_EQ(solve(room, "--tolerance 0.003 --memory 300M").exitCode, 0);
@@ -241,8 +246,9 @@ TEST_F(Tolerance, RefinementAdaptsWhereThatPays) {
   EXPECT_LT(r["counts"]["patches"].get<int>(), 5000);
   // The choices told are those that hold, and why.
   const json patches = r["tolerance"]["choices"][0];
-  EXPECT_THAT(patches["value"].get<std::string>(), HasSubstr(fmt::format("--adapt {} --patch-size {} (about {} of ", r["options"]["adapt"].get<double>(),
-                                                                          r["options"]["patch_size"].get<double>(), r["counts"]["patches"].get<int>())));
+  EXPECT_THAT(patches["value"].get<std::string>(),
+              HasSubstr(fmt::format("--adapt {} --patch-size {} (about {} of ", r["options"]["adapt"].get<double>(),
+                                    r["options"]["patch_size"].get<double>(), r["counts"]["patches"].get<int>())));
   EXPECT_THAT(patches["why"].get<std::string>(), HasSubstr("refined: --patch-size "));
   EXPECT_THAT(o.out, HasSubstr(patches["value"].get<std::string>()));
   expectRepeats();
@@ -255,7 +261,9 @@ TEST_F(Tolerance, RefinementOfLightKeepsRows) {
   EXPECT_THAT(o.out, HasSubstr("refined:"));
   EXPECT_THAT(o.out, HasSubstr("  shadow rays: 16 (refined: 8 cost"));
   const json r = report();
-  const auto times = [&](const char* stage) { return std::count_if(r["stages"].begin(), r["stages"].end(), [&](const json& s) { return s["name"] == stage; }); };
+  const auto times = [&](const char* stage) {
+    return std::count_if(r["stages"].begin(), r["stages"].end(), [&](const json& s) { return s["name"] == stage; });
+  };
   EXPECT_EQ(times("form factors"), 1);
   EXPECT_EQ(times("solve"), 2);
   expectRepeats();
@@ -294,8 +302,8 @@ TEST(TrialLaws, CarryATrialToOtherSettings) {
   EXPECT_NEAR(e.patches, 0.01 * std::pow(2, -1.5), 1e-12);
   EXPECT_NEAR(e.rows, 0.02 * std::pow(4, -0.65), 1e-12);
   EXPECT_NEAR(e.light, 0.03 * std::pow(8, -kSampleOrder), 1e-12);
-  EXPECT_EQ(laws.bytesFor(4000, s), 4000 * 4 * 1024);           // lists of hits
-  EXPECT_EQ(laws.bytesFor(1000, s), 1000 * 2 * 1000);           // rows in 16 bits
+  EXPECT_EQ(laws.bytesFor(4000, s), 4000 * 4 * 1024);         // lists of hits
+  EXPECT_EQ(laws.bytesFor(1000, s), 1000 * 2 * 1000);         // rows in 16 bits
   const double sweeps = kSecondsPerEntry * 4000 * 1024 * 10;  // two more than in the trial
   EXPECT_NEAR(laws.secondsFor(4000, s), 4000 * (1024 * 1e-7 + 5 * 512 * 2e-7) + sweeps, 1e-9);
   // The trial followed light where these shadow rays choose among images; fewer than there are images follow it, too.
@@ -377,7 +385,8 @@ TEST_F(Tolerance, WhereMemoryIsShortNothingElseIs) {
 // Over mirrors rows hold more entries than rays: a plan that memory turns out not to hold makes place for one of fewer patches.
 TEST_F(Tolerance, IsPlannedForWhatRowsTakeOverMirrors) {
   for (const char* memory : {"500K", "1M", "2M"}) {
-    const Outcome o = solve(FAROL_SCENES "/mirrors_and_glass/facing_mirrors.gltf", fmt::format("--tolerance 0.02 --memory {}", memory));
+    const Outcome o =
+        solve(FAROL_SCENES "/mirrors_and_glass/facing_mirrors.gltf", fmt::format("--tolerance 0.02 --memory {}", memory));
     EXPECT_TRUE(o.exitCode == 0 || o.exitCode == 3) << memory << ": " << o.err;
   }
 }
@@ -394,8 +403,9 @@ TEST_F(Tolerance, OfKeptFactorsIsThatOfTheirSolve) {
   };
   const json kept = made("F.npz"), table = made("F.csv");
   EXPECT_LT(8 * kept["options"]["rays"].get<int>(), table["options"]["rays"].get<int>());
-  const Outcome o = farol(fmt::format("solve {} --factors {} --shadow-rays {} --residual {} --report {}", room, path("F.npz"),
-                                      kept["options"]["shadow_rays"].get<int>(), kept["options"]["residual"].get<double>(), path("r.json")));
+  const Outcome o =
+      farol(fmt::format("solve {} --factors {} --shadow-rays {} --residual {} --report {}", room, path("F.npz"),
+                        kept["options"]["shadow_rays"].get<int>(), kept["options"]["residual"].get<double>(), path("r.json")));
   ASSERT_EQ(o.exitCode, 0) << o.err;
   EXPECT_LT(report()["estimated_error"].get<double>(), 0.05);
   EXPECT_EQ(report()["counts"]["patches"], kept["counts"]["patches"]);

@@ -13,20 +13,17 @@ using ::testing::HasSubstr;
 
 const std::string kCornell = FAROL_SCENES "/cornell_box/cornell_box.gltf";
 
-json square() {
-  return gltfOf({{"square", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}}});
-}
+json square() { return gltfOf({{"square", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}}}); }
 
 class BadInput : public ::testing::Test {
  protected:
   // Renders into the folder and expects a failure with this exit code and sentence, and nothing written.
-  void expectRefusal(const std::string& scene, int exitCode, const std::string& sentence,
-                     const std::string& options = "", const std::string& environment = "") {
+  void expectRefusal(const std::string& scene, int exitCode, const std::string& sentence, const std::string& options = "",
+                     const std::string& environment = "") {
     const std::vector<std::string> before = folder_.files();
-    const Outcome o =
-        farol("render " + scene + " -o " + folder_.path("picture.png") + " --size 16x16 --patches 50 --patches-csv " +
-                  folder_.path("p.csv") + " --report " + folder_.path("r.json") + " " + options,
-              environment);
+    const Outcome o = farol("render " + scene + " -o " + folder_.path("picture.png") + " --size 16x16 --patches 50 --patches-csv " +
+                                folder_.path("p.csv") + " --report " + folder_.path("r.json") + " " + options,
+                            environment);
     EXPECT_EQ(o.exitCode, exitCode) << o.err;
     EXPECT_THAT(o.err, HasSubstr(sentence));
     EXPECT_THAT(o.err, HasSubstr("error: "));
@@ -42,15 +39,9 @@ class BadInput : public ::testing::Test {
   TemporaryFolder folder_;
 };
 
-TEST_F(BadInput, MissingFile) {
-  expectRefusal("/no/such/scene.gltf", 1, "/no/such/scene.gltf: there is no such file");
-}
-TEST_F(BadInput, NotGltf) {
-  expectRefusal(file("note.gltf", "dear diary"), 1, "is not glTF");
-}
-TEST_F(BadInput, JsonButNotGltf) {
-  expectRefusal(file("j.gltf", "{\"a\": 1}"), 1, "not glTF");
-}
+TEST_F(BadInput, MissingFile) { expectRefusal("/no/such/scene.gltf", 1, "/no/such/scene.gltf: there is no such file"); }
+TEST_F(BadInput, NotGltf) { expectRefusal(file("note.gltf", "dear diary"), 1, "is not glTF"); }
+TEST_F(BadInput, JsonButNotGltf) { expectRefusal(file("j.gltf", "{\"a\": 1}"), 1, "not glTF"); }
 TEST_F(BadInput, TruncatedGlb) {
   const std::string good = readText(FAROL_SCENES "/reading_corner/reading_corner.glb");
   expectRefusal(file("cut.glb", good.substr(0, 5000)), 1, "truncated GLB");
@@ -143,15 +134,9 @@ TEST_F(BadInput, NoVulkanDriver) {
   expectRefusal(kCornell, 1, "no Vulkan driver was found", "",
                 "FAROL_VALIDATION=0 VK_ICD_FILENAMES=/nonexistent.json VK_DRIVER_FILES=/nonexistent.json");
 }
-TEST_F(BadInput, NoDeviceOfThatName) {
-  expectRefusal(kCornell, 1, "no usable Vulkan device 'voodoo'", "--device voodoo");
-}
-TEST_F(BadInput, UnknownCamera) {
-  expectRefusal(kCornell, 1, "there is no camera 'rear'; the scene has camera", "--camera rear");
-}
-TEST_F(BadInput, TooLittleMemory) {
-  expectRefusal(kCornell, 1, "allow more with --memory", "--memory 1K");
-}
+TEST_F(BadInput, NoDeviceOfThatName) { expectRefusal(kCornell, 1, "no usable Vulkan device 'voodoo'", "--device voodoo"); }
+TEST_F(BadInput, UnknownCamera) { expectRefusal(kCornell, 1, "there is no camera 'rear'; the scene has camera", "--camera rear"); }
+TEST_F(BadInput, TooLittleMemory) { expectRefusal(kCornell, 1, "allow more with --memory", "--memory 1K"); }
 TEST_F(BadInput, UnwritableOutput) {
   const Outcome missing = farol("render " + kCornell + " -o /no/such/folder/p.png --patches 50");
   EXPECT_EQ(missing.exitCode, 1);

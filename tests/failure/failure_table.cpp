@@ -30,7 +30,8 @@ const ::testing::Environment* const kWriter = ::testing::AddGlobalTestEnvironmen
 
 }  // namespace
 
-void tabulate(int entry, const std::string& failure, const std::string& naive, const std::string& byDefault, const std::string& says) {
+void tabulate(int entry, const std::string& failure, const std::string& naive, const std::string& byDefault,
+              const std::string& says) {
   lines()[entry].push_back(failure + " | " + naive + " | " + byDefault + " | " + says);
 }
 

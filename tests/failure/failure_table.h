@@ -7,6 +7,7 @@
 namespace farol::test {
 
 // `entry`: number in the list of failures. What the naive setting gives, what the program gives, and what it says.
-void tabulate(int entry, const std::string& failure, const std::string& naive, const std::string& byDefault, const std::string& says);
+void tabulate(int entry, const std::string& failure, const std::string& naive, const std::string& byDefault,
+              const std::string& says);
 
 }  // namespace farol::test

@@ -65,7 +65,8 @@ TEST(Coplanar, FactorsAreZeroAndNeverNegative) {
     const Vec3 at = 1e6 * glm::normalize(Vec3(normal(random), normal(random), normal(random)));
     const auto square = [&](double offset) {
       std::vector<glm::vec3> p;
-      for (const auto& [s, t] : {std::pair(0.0, 0.0), {1.0, 0.0}, {1.0, 1.0}, {0.0, 1.0}}) p.emplace_back(at + (s + offset) * x + t * y);
+      for (const auto& [s, t] : {std::pair(0.0, 0.0), {1.0, 0.0}, {1.0, 1.0}, {0.0, 1.0}})
+        p.emplace_back(at + (s + offset) * x + t * y);
       return p;
     };
     const float f = naiveContour(square(0), square(1));
@@ -79,7 +80,8 @@ TEST(Coplanar, FactorsAreZeroAndNeverNegative) {
   double worst = 0;
   for (const double angle : {0.1, 0.01, 0.001}) {
     const double c = std::cos(angle), s = std::sin(angle);
-    const Factors f({{"1", {rectangle(0, 0, 1, 1, 0)}}, {"2", {{{1, 0, 0}, {1 + c, 0, s}, {1 + c, 1, s}, {1, 1, 0}}}}}, "--patches 50");
+    const Factors f({{"1", {rectangle(0, 0, 1, 1, 0)}}, {"2", {{{1, 0, 0}, {1 + c, 0, s}, {1 + c, 1, s}, {1, 1, 0}}}}},
+                    "--patches 50");
     const double exact = 0.0775 * angle * angle;
     EXPECT_NEAR(f("1", "2"), exact, 0.02 * exact) << angle;
     worst = std::max(worst, std::abs(f("1", "2") / exact - 1));
@@ -95,7 +97,8 @@ TEST(Slivers, AreLeftOutWithTheirNumber) {
   std::uniform_real_distribution<double> shift(-10, 10);
   std::vector<double> errors;
   for (int k = 0; k < 300; ++k) {
-    const Vec3 x = glm::normalize(Vec3(normal(random), normal(random), normal(random))), y = anyPerpendicular(x), n = glm::cross(x, y);
+    const Vec3 x = glm::normalize(Vec3(normal(random), normal(random), normal(random))), y = anyPerpendicular(x),
+               n = glm::cross(x, y);
     const Vec3 at(shift(random), shift(random), shift(random));
     const glm::vec3 a(at), b(at + x), c(at + 0.37 * x + 1e-6 * y);
     const Vec3 found = glm::normalize(glm::cross(Vec3(b) - Vec3(a), Vec3(c) - Vec3(a)));
@@ -115,8 +118,8 @@ TEST(Slivers, AreLeftOutWithTheirNumber) {
   EXPECT_THAT(dirty.outcome.err, HasSubstr("4 degenerate triangles"));
   EXPECT_THAT(dirty.outcome.err, HasSubstr("[degenerate-triangles]"));
   EXPECT_EQ(clean("x0", "x1"), dirty("x0", "x1"));
-  tabulate(6, "slivers 1e-6 thin, triangles without area", fmt::format("normals {:.1f} degrees off (median)", errors[150]), "left out; the rest is unchanged",
-           "degenerate-triangles");
+  tabulate(6, "slivers 1e-6 thin, triangles without area", fmt::format("normals {:.1f} degrees off (median)", errors[150]),
+           "left out; the rest is unchanged", "degenerate-triangles");
 }
 
 // The plane of a needle is known to its normal's float32 rounding times its length: rays that start too close to a pane of that
@@ -125,7 +128,8 @@ TEST(Slivers, DoNotMeetThemselves) {
   const Vec3 a(4.33, 2.318, 4.771), b(2.85, 3.271, 6.448), along = b - a, across = glm::normalize(Vec3(along.y, -along.x, 0));
   double worst = 0;
   for (const double width : {1e-2, 1e-3, 3e-4}) {
-    const Factors f({{"ground", {rectangle(0, 0, 10, 10, 0)}}, {"needle", {{a, b, a + 0.5 * along + width * across}}, Rgb(0), Rgb(0), true, Rgb(0), Rgb(0.86)}},
+    const Factors f({{"ground", {rectangle(0, 0, 10, 10, 0)}},
+                     {"needle", {{a, b, a + 0.5 * along + width * across}}, Rgb(0), Rgb(0), true, Rgb(0), Rgb(0.86)}},
                     "--patches 10 --method rays --rays 4096");
     for (const auto& [pair, value] : f.f) {
       if (pair.first.starts_with("needle") && pair.second.starts_with("needle")) worst = std::max(worst, value);
@@ -138,12 +142,14 @@ TEST(Slivers, DoNotMeetThemselves) {
 
 // Failure 7. Two faces in one plane, seen from below: no answer is right, but it must be one answer.
 TEST(CoincidentFaces, AreOneAnswerAndAWarning) {
-  const Polygon a = {{-.5, -.5, 1}, {-.5, .5, 1}, {.5, .5, 1}, {.5, -.5, 1}}, b = {{-.5, -.5, 1}, {-.37, .5, 1}, {.5, .41, 1}, {.5, -.5, 1}};
+  const Polygon a = {{-.5, -.5, 1}, {-.5, .5, 1}, {.5, .5, 1}, {.5, -.5, 1}},
+                b = {{-.5, -.5, 1}, {-.37, .5, 1}, {.5, .41, 1}, {.5, -.5, 1}};
   const Polygon element = rectangle(-.01, -.01, .01, .01, 0);
   const Factors alone({{"1", {element}}, {"A", {a}}}, "--patches 50 --method rays --rays 16384");
   std::set<double> answers;
   for (const char* threads : {"--threads 1", "--threads 2", "--threads 2"}) {
-    const Factors both({{"1", {element}}, {"A", {a}}, {"B", {b}}}, std::string("--patches 50 --method rays --rays 16384 ") + threads);
+    const Factors both({{"1", {element}}, {"A", {a}}, {"B", {b}}},
+                       std::string("--patches 50 --method rays --rays 16384 ") + threads);
     answers.insert(both("1", "B"));
     EXPECT_NEAR(both("1", "A") + both("1", "B"), alone("1", "A"), 2e-3) << threads;
     EXPECT_THAT(both.outcome.err, HasSubstr("surfaces 'A' and 'B' lie in one plane"));
@@ -151,7 +157,8 @@ TEST(CoincidentFaces, AreOneAnswerAndAWarning) {
   }
   EXPECT_EQ(answers.size(), 1u) << "the same on every run and number of threads";
   EXPECT_EQ(alone.outcome.err.find("overlapping-faces"), std::string::npos);
-  tabulate(7, "two faces in one plane", "0 to 100 % of the rays go to either", "one answer on every run; their sum is the union's", "overlapping-faces");
+  tabulate(7, "two faces in one plane", "0 to 100 % of the rays go to either", "one answer on every run; their sum is the union's",
+           "overlapping-faces");
 }
 
 // Failure 8. A gap between wall and ceiling leaks: the factor through it is real, and small.
@@ -184,7 +191,8 @@ TEST(Leaks, ThroughAGapAreFoundAndNamed) {
   for (Vec3& p : touching[5].polygons[0]) p.z += 3e-7;
   const Factors welded(touching, "--patches 300 --method rays --rays 4096");
   EXPECT_EQ(welded.outcome.err.find("small-leak"), std::string::npos) << welded.outcome.err;
-  tabulate(8, "a gap of 0.1 and 0.01 m below the ceiling", "N = 64: +18 % and 0 instead of 3.8e-4", fmt::format("{:.2g} % off at most (262,144 rays)", 100 * worst),
+  tabulate(8, "a gap of 0.1 and 0.01 m below the ceiling", "N = 64: +18 % and 0 instead of 3.8e-4",
+           fmt::format("{:.2g} % off at most (262,144 rays)", 100 * worst),
            "small-leak where a scene is nearly closed; gaps below 1e-6 of the scene are welded");
 }
 
@@ -192,22 +200,29 @@ TEST(Leaks, ThroughAGapAreFoundAndNamed) {
 TEST(InterpenetratingGeometry, PatchIsLitByItsLitShare) {
   const auto litShare = [](double partition) {
     nlohmann::json j = gltfOf({{"patch", {rectangle(2, 0, 3, 1, 0)}},
-                               {"partition", {{{partition, -50, -1}, {partition, 50, -1}, {partition, 50, 50}, {partition, -50, 50}}}, Rgb(0), Rgb(0), true}});
+                               {"partition",
+                                {{{partition, -50, -1}, {partition, 50, -1}, {partition, 50, 50}, {partition, -50, 50}}},
+                                Rgb(0),
+                                Rgb(0),
+                                true}});
     j["extensionsUsed"] = {"KHR_lights_punctual"};
     j["extensions"]["KHR_lights_punctual"]["lights"] = {{{"type", "directional"}, {"intensity", 1}}};
     // From the left at 45 degrees: along (1, 0, -1).
-    j["nodes"].push_back({{"rotation", {0, std::sin(-kPi / 8), 0, std::cos(kPi / 8)}}, {"extensions", {{"KHR_lights_punctual", {{"light", 0}}}}}});
+    j["nodes"].push_back(
+        {{"rotation", {0, std::sin(-kPi / 8), 0, std::cos(kPi / 8)}}, {"extensions", {{"KHR_lights_punctual", {{"light", 0}}}}}});
     j["scenes"][0]["nodes"].push_back(j["nodes"].size() - 1);
     const TemporaryFolder folder;
     writeText(folder.path("s.gltf"), j.dump());
-    const Outcome o = farol("solve " + folder.path("s.gltf") + " --patch-size 1000 --shadow-rays 1024 --patches-csv " + folder.path("p.csv"));
+    const Outcome o =
+        farol("solve " + folder.path("s.gltf") + " --patch-size 1000 --shadow-rays 1024 --patches-csv " + folder.path("p.csv"));
     EXPECT_EQ(o.exitCode, 0) << o.err;
     return std::stod(readCsv(folder.path("p.csv")).at(1).at(18)) / std::cos(kPi / 4);
   };
   const double more = litShare(2.6), less = litShare(2.4);
   EXPECT_NEAR(more, 0.6, 0.01);
   EXPECT_NEAR(less, 0.4, 0.01);
-  tabulate(9, "a partition across a patch, at 0.6 and 0.4 of it", "1 and 0 (centre)", fmt::format("{:.3f} and {:.3f}", more, less), "");
+  tabulate(9, "a partition across a patch, at 0.6 and 0.4 of it", "1 and 0 (centre)", fmt::format("{:.3f} and {:.3f}", more, less),
+           "");
 }
 
 // Failure 10. A one-sided blocker is opaque from both sides, and its back is black.
@@ -221,7 +236,8 @@ TEST(OneSidedFaces, BlockFromBothSides) {
     EXPECT_NEAR(f("1", "2"), kExact, 0.01 * kExact) << method;
     EXPECT_EQ(f("1", "blocker"), 0) << "its back is not a patch";
     if (std::string(method).starts_with("rays"))
-      tabulate(10, "a one-sided blocker from behind", fmt::format("{} (culled)", kCulled), fmt::format("{:.4f} ({:.4f} is exact)", f("1", "2"), kExact), "share met from behind");
+      tabulate(10, "a one-sided blocker from behind", fmt::format("{} (culled)", kCulled),
+               fmt::format("{:.4f} ({:.4f} is exact)", f("1", "2"), kExact), "share met from behind");
   }
 }
 
@@ -233,7 +249,8 @@ TEST(Scale, DoesNotChangeFactors) {
   int own = 0;
   constexpr int kRays = 2000;
   for (int k = 0; k < kRays; ++k) {  // 10 km from the origin, origins lifted by 1e-4
-    const Vec3 x = glm::normalize(Vec3(normal(random), normal(random), normal(random))), y = anyPerpendicular(x), n = glm::cross(x, y);
+    const Vec3 x = glm::normalize(Vec3(normal(random), normal(random), normal(random))), y = anyPerpendicular(x),
+               n = glm::cross(x, y);
     const Vec3 at = 1e4 * glm::normalize(Vec3(normal(random), normal(random), normal(random)));
     const glm::vec3 corner(at), u(Vec3(glm::vec3(at + x)) - Vec3(corner)), v(Vec3(glm::vec3(at + y)) - Vec3(corner));
     const glm::vec3 origin = corner + unit(random) * u + unit(random) * v + 1e-4f * glm::vec3(n);
@@ -256,7 +273,8 @@ TEST(Scale, DoesNotChangeFactors) {
   const Factors moved(box, "--patches 200 --method rays --rays 1024", far);
   for (const auto& [pair, value] : plain.f) worst = std::max(worst, std::abs(moved.f.at(pair) - value));
   EXPECT_LT(worst, 2e-3);
-  tabulate(14, "scale 1e-6 to 1e6, 1000 sizes away", fmt::format("{:.0f} % of rays hit their own plane (offset 1e-4, 10 km away)", 100.0 * own / kRays),
+  tabulate(14, "scale 1e-6 to 1e6, 1000 sizes away",
+           fmt::format("{:.0f} % of rays hit their own plane (offset 1e-4, 10 km away)", 100.0 * own / kRays),
            fmt::format("entries change by {:.1g} at most", worst), "");
 }
 
@@ -284,7 +302,8 @@ TEST(NearPlane, DoesNotClipTouchingWalls) {
     const Factors f(scene, std::string("--patch-size 100 --method ") + method);
     EXPECT_NEAR(f("element", "wall"), kExact, 0.005) << method;
     if (std::string(method).starts_with("raster"))
-      tabulate(15, "an element 1 mm in front of a wall", fmt::format("{:.3f} (near plane 0.01)", static_cast<double>(seen) / kRays), fmt::format("{:.4f} ({} is exact)", f("element", "wall"), kExact), "");
+      tabulate(15, "an element 1 mm in front of a wall", fmt::format("{:.3f} (near plane 0.01)", static_cast<double>(seen) / kRays),
+               fmt::format("{:.4f} ({} is exact)", f("element", "wall"), kExact), "");
   }
 }
 
@@ -302,7 +321,8 @@ TEST(DepthPrecision, TellsAPanelFromTheWallBehindIt) {
     EXPECT_EQ(f("element", "wall"), 0) << method;
     EXPECT_GT(f("element", "panel"), 0.002) << method;
   }
-  tabulate(16, "a panel 5 mm in front of a wall 1 km away", fmt::format("mixed: 24 bits resolve {:.0f} m there", resolved), "the wall is hidden", "");
+  tabulate(16, "a panel 5 mm in front of a wall 1 km away", fmt::format("mixed: 24 bits resolve {:.0f} m there", resolved),
+           "the wall is hidden", "");
 }
 
 }  // namespace

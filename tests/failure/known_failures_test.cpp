@@ -56,14 +56,15 @@ void expectNaiveFailsAndDefaultDoesNot(const std::vector<TestSurface>& scene, co
   const double found = naive(scene) / p.exact - 1, error = byDefault(scene, "--patches 200") / p.exact - 1;
   EXPECT_NEAR(found, p.naiveError, 0.003) << what;
   EXPECT_LT(std::abs(error), std::abs(p.naiveError) / 20) << what;
-  tabulate(1, what, fmt::format("{:+.1f} % (centre)", 100 * found), fmt::format("{:+.2f} %", 100 * error), "near-field where one position does not do");
+  tabulate(1, what, fmt::format("{:+.1f} % (centre)", 100 * found), fmt::format("{:+.2f} %", 100 * error),
+           "near-field where one position does not do");
 }
 
 TEST(Proximity, FacingSquares) {
-  const std::vector<std::pair<double, Pair>> table = {
-      {0.02, {0.9614898945938766, 0.0387}},  {0.1, {0.8269945223972566, 0.1709}},  {0.2, {0.6902446940737963, 0.2817}},
-      {0.5, {0.41525328357714675, 0.3344}},  {1, {0.19982489569838738, 0.1983}},   {2, {0.06858958881855244, 0.0713}},
-      {5, {0.0124039772, 0.013}},            {10, {0.00316206, 0.0033}}};
+  const std::vector<std::pair<double, Pair>> table = {{0.02, {0.9614898945938766, 0.0387}}, {0.1, {0.8269945223972566, 0.1709}},
+                                                      {0.2, {0.6902446940737963, 0.2817}},  {0.5, {0.41525328357714675, 0.3344}},
+                                                      {1, {0.19982489569838738, 0.1983}},   {2, {0.06858958881855244, 0.0713}},
+                                                      {5, {0.0124039772, 0.013}},           {10, {0.00316206, 0.0033}}};
   for (const auto& [distance, pair] : table) {
     expectNaiveFailsAndDefaultDoesNot({{"1", {square(0, 0, 0)}}, {"2", {flipped(square(0, 0, distance))}}}, pair,
                                       fmt::format("facing squares at {}", distance));
@@ -72,12 +73,11 @@ TEST(Proximity, FacingSquares) {
 
 // Unit squares with a common edge at an angle (Feingold 1966; values agree with the double contour integral).
 TEST(Proximity, SquaresSharingAnEdge) {
-  const std::vector<std::pair<double, double>> table = {{30, 0.188}, {45, 0.136}, {60, 0.066},
+  const std::vector<std::pair<double, double>> table = {{30, 0.188},  {45, 0.136},   {60, 0.066},
                                                         {90, -0.050}, {120, -0.121}, {150, -0.159}};
   for (const auto& [degrees, naiveError] : table) {
     const double c = std::cos(degrees * kPi / 180), s = std::sin(degrees * kPi / 180);
-    const std::vector<TestSurface> scene = {{"1", {square(0, 0, 0)}},
-                                            {"2", {{{0, 0, 0}, {0, 1, 0}, {c, 1, s}, {c, 0, s}}}}};
+    const std::vector<TestSurface> scene = {{"1", {square(0, 0, 0)}}, {"2", {{{0, 0, 0}, {0, 1, 0}, {c, 1, s}, {c, 0, s}}}}};
     const FacetSet facets = [&] {
       Log log(true);
       return buildFacets(loadSurfaces(scene), log);
@@ -91,8 +91,7 @@ TEST(Proximity, SquaresSharingAnEdge) {
 TEST(Proximity, FloorAndWallWithAGap) {
   const std::vector<std::pair<double, double>> table = {{0.1, -0.049}, {0.5, -0.066}, {1, -0.062}, {2, -0.038}};
   for (const auto& [gap, naiveError] : table) {
-    const std::vector<TestSurface> scene = {{"1", {square(gap, 0, 0)}},
-                                            {"2", {{{0, 0, 0}, {0, 1, 0}, {0, 1, 1}, {0, 0, 1}}}}};
+    const std::vector<TestSurface> scene = {{"1", {square(gap, 0, 0)}}, {"2", {{{0, 0, 0}, {0, 1, 0}, {0, 1, 1}, {0, 0, 1}}}}};
     Log log(true);
     const Scene loaded = loadSurfaces(scene);
     const FacetSet facets = buildFacets(loaded, log);
@@ -120,7 +119,8 @@ TEST(CentreVisibility, BlockerBetweenSquares) {
     EXPECT_EQ(naive(scene), 0);
     const double error = byDefault(scene) / c.exact - 1;
     EXPECT_LT(std::abs(error), 1.0 / 20) << "blocker at " << c.height;
-    tabulate(2, fmt::format("blocker of {} at height {}", 2 * c.half, c.height), "0 (centre)", fmt::format("{:+.2f} %", 100 * error), "");
+    tabulate(2, fmt::format("blocker of {} at height {}", 2 * c.half, c.height), "0 (centre)",
+             fmt::format("{:+.2f} %", 100 * error), "");
   }
 }
 
@@ -150,20 +150,18 @@ TEST(Aliasing, SmallDistantEmitter) {
 
   const TemporaryFolder folder;
   writeText(folder.path("s.gltf"), gltfOf(scene).dump());
-  const Outcome o =
-      farol("solve " + folder.path("s.gltf") + " --patch-size 100 --patches-csv " + folder.path("p.csv"));
+  const Outcome o = farol("solve " + folder.path("s.gltf") + " --patch-size 100 --patches-csv " + folder.path("p.csv"));
   ASSERT_EQ(o.exitCode, 0) << o.err;
   const double found = std::stod(readCsv(folder.path("p.csv")).at(1).at(18));
   EXPECT_LT(std::abs(found / kExact - 1), rms / 20) << "irradiance of the element";
-  tabulate(3, "a small lamp far away", fmt::format("{} % of hemicubes miss it, rms {:.0f} % (R = 64)", zeros, 100 * rms), fmt::format("{:+.2f} %", 100 * (found / kExact - 1)),
-           "which lamps go apart, and why");
+  tabulate(3, "a small lamp far away", fmt::format("{} % of hemicubes miss it, rms {:.0f} % (R = 64)", zeros, 100 * rms),
+           fmt::format("{:+.2f} %", 100 * (found / kExact - 1)), "which lamps go apart, and why");
 }
 
 // Failure 4: pixel grids in step with the mesh err the same way in every row: 16 x 16 patches, R = 32, squares that
 // share an edge. (Known as +3.0 % where edges count as inside; the device's top-left rule makes it +2.6 %.)
 TEST(GridInStep, BiasesAllRowsAlikeUnlessTurned) {
-  const Scene scene =
-      loadSurfaces({{"1", {square(0, 0, 0)}}, {"2", {{{0, 0, 0}, {0, 1, 0}, {0, 1, 1}, {0, 0, 1}}}}});
+  const Scene scene = loadSurfaces({{"1", {square(0, 0, 0)}}, {"2", {{{0, 0, 0}, {0, 1, 0}, {0, 1, 1}, {0, 0, 1}}}}});
   const auto error = [&](bool turned) {
     RasterOptions options;
     options.resolution = 32;
@@ -174,7 +172,8 @@ TEST(GridInStep, BiasesAllRowsAlikeUnlessTurned) {
   EXPECT_NEAR(aligned, 0.03, 0.01);
   const double turned = error(true);
   EXPECT_LT(std::abs(turned), aligned / 20);
-  tabulate(4, "pixel grid in step with the mesh", fmt::format("{:+.1f} %", 100 * aligned), fmt::format("{:+.3f} %", 100 * turned), "");
+  tabulate(4, "pixel grid in step with the mesh", fmt::format("{:+.1f} %", 100 * aligned), fmt::format("{:+.3f} %", 100 * turned),
+           "");
 }
 
 // Failure 26. More pixels of one hemicube do not help where its point is wrong; the same pixels spread over the patch do.
@@ -188,7 +187,8 @@ TEST(CostAgainstAccuracy, PixelsBelongWhereTheErrorIs) {
   options.positions = 16;
   const double spread = RasterRun(loadSurfaces(scene), {0, 100}, options).factor("1", "2") / kExact - 1;
   EXPECT_LT(std::abs(spread), 0.0096) << "what centre points of a 4 x 4 grid give";
-  tabulate(26, "786,432 pixels for one factor", fmt::format("{:+.1f} % (one hemicube of 512)", 100 * onePoint), fmt::format("{:+.2f} % (16 of 128)", 100 * spread), "--tolerance chooses");
+  tabulate(26, "786,432 pixels for one factor", fmt::format("{:+.1f} % (one hemicube of 512)", 100 * onePoint),
+           fmt::format("{:+.2f} % (16 of 128)", 100 * spread), "--tolerance chooses");
 }
 
 }  // namespace

@@ -1,11 +1,10 @@
 // Failures of the solve: open scenes, reflectance 1 and above, rows above 1, slow convergence, drift of energy, empty scenes.
+#include "base/error.h"
 #include "failure_table.h"
 #include "given_system.h"
 #include "known_radiosity.h"
 #include "program.h"
 #include "test_scene.h"
-
-#include "base/error.h"
 
 #include <Eigen/Dense>
 #include <fmt/format.h>
@@ -20,7 +19,8 @@ using ::testing::HasSubstr;
 std::vector<double> column(const std::vector<TestSurface>& surfaces, const std::string& options, size_t which, Outcome& outcome) {
   const TemporaryFolder folder;
   writeText(folder.path("s.gltf"), gltfOf(surfaces).dump());
-  outcome = farol("solve " + folder.path("s.gltf") + " --patches-csv " + folder.path("p.csv") + " --report " + folder.path("r.json") + " " + options);
+  outcome = farol("solve " + folder.path("s.gltf") + " --patches-csv " + folder.path("p.csv") + " --report " +
+                  folder.path("r.json") + " " + options);
   std::vector<double> values;
   if (!std::filesystem::exists(folder.path("p.csv"))) return values;
   const auto lines = readCsv(folder.path("p.csv"));
@@ -59,7 +59,8 @@ TEST(OpenScenes, KeepWhatLeaves) {
   EXPECT_NEAR(b[0], 1 / (1 - 0.4 * kF * kF), 2e-3);
   EXPECT_NEAR(b[1], 0.162455, 2e-3);
   EXPECT_THAT(o.out, HasSubstr("to the open"));
-  tabulate(11, "two facing plates in the open", fmt::format("B1 = {:.4f} (rows normalised)", naive), fmt::format("B1 = {:.4f} (1.0162 is exact)", b[0]), "share to the open");
+  tabulate(11, "two facing plates in the open", fmt::format("B1 = {:.4f} (rows normalised)", naive),
+           fmt::format("B1 = {:.4f} (1.0162 is exact)", b[0]), "share to the open");
 }
 
 // Failure 12. Nothing absorbs: there is no steady state. An absorber anywhere makes one.
@@ -81,7 +82,8 @@ TEST(ReflectanceOne, IsRefusedOnlyWhereNothingAbsorbs) {
   ASSERT_EQ(known.size(), 6u) << o.err;
   const double exact[] = {2.666606, 1.833151, 1.833303, 1.833303, 1.833455, 1.0};
   for (size_t k = 0; k < 6; ++k) EXPECT_NEAR(known[k], exact[k], 0.01 * exact[k]) << k;
-  tabulate(12, "a lit cube of reflectance 1; with one face of 0.5", fmt::format("B grows without end: {:.0f} after 1000 sweeps", b.mean()),
+  tabulate(12, "a lit cube of reflectance 1; with one face of 0.5",
+           fmt::format("B grows without end: {:.0f} after 1000 sweeps", b.mean()),
            fmt::format("refused; B = {:.3f} (2.667 is exact)", known[0]), "error naming surface and channel");
 }
 
@@ -126,13 +128,14 @@ TEST(RowsAboveOne, AreRefusedAndNotIterated) {
   for (const char* method : {"rays", "raster", "raster --near-field off"}) {
     const TemporaryFolder folder;
     writeText(folder.path("s.gltf"), gltfOf(cube).dump());
-    const Outcome o = farol("solve " + folder.path("s.gltf") + " --patches 150 --emitters matrix --report " + folder.path("r.json") + " --method " + method);
+    const Outcome o = farol("solve " + folder.path("s.gltf") + " --patches 150 --emitters matrix --report " +
+                            folder.path("r.json") + " --method " + method);
     ASSERT_EQ(o.exitCode, 0) << o.err;
     worst = std::max(worst, nlohmann::json::parse(readText(folder.path("r.json")))["row_sums"]["max"].get<double>());
   }
   EXPECT_LT(worst, 1 + 1e-5);
-  tabulate(17, "rows from two sources, sum 1.0396, rho 0.97", fmt::format("spectral radius {:.4f}: diverges", radius), fmt::format("refused; own rows sum to {:.6f} at most", worst),
-           "error with the row's number; slow-light near 1");
+  tabulate(17, "rows from two sources, sum 1.0396, rho 0.97", fmt::format("spectral radius {:.4f}: diverges", radius),
+           fmt::format("refused; own rows sum to {:.6f} at most", worst), "error with the row's number; slow-light near 1");
 }
 
 // Failure 18. A small change per sweep is not a small error: at rho 0.99 a stop at 1e-6 leaves 1e-4.
@@ -153,10 +156,12 @@ TEST(SlowConvergence, StopsByABoundOfTheError) {
   for (const SolverKind kind : {SolverKind::jacobi, SolverKind::gaussSeidel}) {
     const GivenSystem given(cubeRows(), std::vector<double>(6, 0.99), {1, 0, 0, 0, 0, 0});
     const Solution s = given.solve(kind, 1e-6);
-    for (Eigen::Index i = 0; i < 6; ++i) worst = std::max(worst, std::abs(s.radiosity[static_cast<size_t>(i)].r - exact[i]) / exact.maxCoeff());
+    for (Eigen::Index i = 0; i < 6; ++i)
+      worst = std::max(worst, std::abs(s.radiosity[static_cast<size_t>(i)].r - exact[i]) / exact.maxCoeff());
   }
   EXPECT_LT(worst, 5e-6) << "float32 entries of F alone leave 3e-8 / (1 - 0.99)";
-  tabulate(18, "cube of reflectance 0.99, stop at 1e-6", fmt::format("error {:.1g}", naive), fmt::format("error {:.1g}", worst), "slow-light from 0.98 on; sweeps, residual, contraction");
+  tabulate(18, "cube of reflectance 0.99, stop at 1e-6", fmt::format("error {:.1g}", naive), fmt::format("error {:.1g}", worst),
+           "slow-light from 0.98 on; sweeps, residual, contraction");
 }
 
 // Failure 19. One hemicube per face of a box 1 x 2 x 3 sums to 1 in every row and loses half of the energy.
@@ -179,7 +184,8 @@ TEST(EnergyDrift, IsSmallAndTold) {
   EXPECT_NEAR(kept, 1, 0.005);
   EXPECT_NEAR(oneEach, 1, 0.005);
   EXPECT_EQ(usual.err.find("energy-drift"), std::string::npos) << usual.err;
-  tabulate(19, "box 1 x 2 x 3, absorbed over emitted power", fmt::format("{:.3f} (one hemicube per face)", lost), fmt::format("{:.4f}", kept), "energy-drift");
+  tabulate(19, "box 1 x 2 x 3, absorbed over emitted power", fmt::format("{:.3f} (one hemicube per face)", lost),
+           fmt::format("{:.4f}", kept), "energy-drift");
 }
 
 // Repair restores both at once: A_i F_ij = A_j F_ji and the rows' sums, and brings F nearer to the exact one.
@@ -189,7 +195,8 @@ TEST(EnergyDrift, IsRepairedWithoutLosingClosure) {
   box[5].emission = Rgb(1);
   writeText(folder.path("s.gltf"), gltfOf(box).dump());
   const auto rows = [&](const std::string& options) {
-    const Outcome o = farol("factors " + folder.path("s.gltf") + " -o " + folder.path("f.csv") + " --report " + folder.path("r.json") + " " + options);
+    const Outcome o = farol("factors " + folder.path("s.gltf") + " -o " + folder.path("f.csv") + " --report " +
+                            folder.path("r.json") + " " + options);
     EXPECT_EQ(o.exitCode, 0) << o.err;
     std::vector<double> f;
     const auto lines = readCsv(folder.path("f.csv"));
@@ -204,7 +211,8 @@ TEST(EnergyDrift, IsRepairedWithoutLosingClosure) {
     return sum;
   };
   const auto exact = rows("--method exact --patches 200");
-  for (const char* method : {"raster --patch-size 3 --resolution 512 --near-field off", "raster --patches 60 --near-field off", "rays --patches 60 --rays 64"}) {
+  for (const char* method : {"raster --patch-size 3 --resolution 512 --near-field off", "raster --patches 60 --near-field off",
+                             "rays --patches 60 --rays 64"}) {
     const auto naive = rows(std::string("--method ") + method), repaired = rows(std::string("--repair --method ") + method);
     EXPECT_LT(distance(repaired, exact), distance(naive, exact)) << method;
     const auto r = nlohmann::json::parse(readText(folder.path("r.json")));
@@ -212,10 +220,13 @@ TEST(EnergyDrift, IsRepairedWithoutLosingClosure) {
     EXPECT_NEAR(r["row_sums"]["max"].get<double>(), 1, 1e-5) << method;
     EXPECT_GE(r["entries"]["min"].get<double>(), 0);
     EXPECT_GT(r["repair"]["mean_l1_change"].get<double>(), 0);
-    fmt::print("{}: L1 distance to exact factors {:.4f}, repaired {:.4f}\n", method, distance(naive, exact), distance(repaired, exact));
+    fmt::print("{}: L1 distance to exact factors {:.4f}, repaired {:.4f}\n", method, distance(naive, exact),
+               distance(repaired, exact));
   }
   const auto balance = [&](const std::string& options) {
-    const Outcome o = farol("solve " + folder.path("s.gltf") + " --emitters matrix --patch-size 3 --method raster --resolution 512 --near-field off --report " + folder.path("r.json") + " " + options);
+    const Outcome o = farol("solve " + folder.path("s.gltf") +
+                            " --emitters matrix --patch-size 3 --method raster --resolution 512 --near-field off --report " +
+                            folder.path("r.json") + " " + options);
     EXPECT_EQ(o.exitCode, 0) << o.err;
     return nlohmann::json::parse(readText(folder.path("r.json")))["energy"]["relative_error"].get<double>();
   };
@@ -256,7 +267,8 @@ TEST(EmptyScenes, HaveOrderlyAnswers) {
       EXPECT_EQ(b[k], 0) << "patch " << k;
     }
   }
-  tabulate(25, "no emitter, one patch, black room, one channel, a lamp outside", "0/0 in relative measures", "exact zeros", "no-light; an empty scene is refused");
+  tabulate(25, "no emitter, one patch, black room, one channel, a lamp outside", "0/0 in relative measures", "exact zeros",
+           "no-light; an empty scene is refused");
 }
 
 }  // namespace

@@ -20,7 +20,8 @@ const std::string kCornell = FAROL_SCENES "/cornell_box/cornell_box.gltf";
 
 // Runs farol in the background, kills it after a while, and waits for it.
 int killedAfter(const std::string& arguments, double seconds, const std::string& signal) {
-  const std::string command = fmt::format("{} {} > /dev/null 2>&1 & pid=$!; sleep {:.3f}; kill -{} $pid 2> /dev/null; wait $pid", FAROL_PROGRAM, arguments, seconds, signal);
+  const std::string command = fmt::format("{} {} > /dev/null 2>&1 & pid=$!; sleep {:.3f}; kill -{} $pid 2> /dev/null; wait $pid",
+                                          FAROL_PROGRAM, arguments, seconds, signal);
   return WEXITSTATUS(std::system(fmt::format("sh -c '{}' 2> /dev/null", command).c_str()));
 }
 
@@ -41,7 +42,9 @@ TEST(MachineFailures, KilledRunsLeaveNothingHalfWritten) {
   int killed = 0, finished = 0;
   constexpr int kKills = 20;
   for (int k = 0; k < kKills; ++k) {
-    killed += killedAfter(k % 2 == 0 ? factors : solve, moment(random) * (k % 2 == 0 ? factorSeconds : solveSeconds), "KILL") == 137 ? 1 : 0;
+    killed += killedAfter(k % 2 == 0 ? factors : solve, moment(random) * (k % 2 == 0 ? factorSeconds : solveSeconds), "KILL") == 137
+                  ? 1
+                  : 0;
     if (std::filesystem::exists(f)) {
       ++finished;
       const Outcome o = farol("solve " + kCornell + " --factors " + f);
@@ -69,7 +72,8 @@ TEST(MachineFailures, KilledRunsLeaveNothingHalfWritten) {
 
 // Half a minute of shadow rays, and of light through glass, of which a signal leaves a second.
 TEST(MachineFailures, SignalsEndDirectLight) {
-  for (const char* settings : {"cornell_box/cornell_box.gltf --patches 200000 --shadow-rays 8192", "mirrors_and_glass/glass_block.gltf --patches 24000 --shadow-rays 2048"}) {
+  for (const char* settings : {"cornell_box/cornell_box.gltf --patches 200000 --shadow-rays 8192",
+                               "mirrors_and_glass/glass_block.gltf --patches 24000 --shadow-rays 2048"}) {
     const Stopwatch watch;
     EXPECT_EQ(killedAfter(fmt::format("solve {}/{} --method rays --rays 64", FAROL_SCENES, settings), 4, "INT"), 130);
     EXPECT_LT(watch.seconds(), 12) << settings;
@@ -95,7 +99,8 @@ TEST(MachineFailures, SignalsLeaveKeptFactorsAsTheyWere) {
 
 TEST(MachineFailures, TwoRunsIntoOneFileGiveOneOfThem) {
   const TemporaryFolder folder;
-  const std::string f = folder.path("F.npz"), command = fmt::format("{} factors {} --patches 500 --rays 256 --quiet -o {}", FAROL_PROGRAM, kCornell, f);
+  const std::string f = folder.path("F.npz"),
+                    command = fmt::format("{} factors {} --patches 500 --rays 256 --quiet -o {}", FAROL_PROGRAM, kCornell, f);
   EXPECT_EQ(std::system(fmt::format("sh -c '{} & {}; first=$?; wait $! && exit $first'", command, command).c_str()), 0);
   EXPECT_EQ(folder.files(), std::vector<std::string>{"F.npz"});
   EXPECT_EQ(farol("solve " + kCornell + " --factors " + f).exitCode, 0);
@@ -104,9 +109,10 @@ TEST(MachineFailures, TwoRunsIntoOneFileGiveOneOfThem) {
 TEST(MachineFailures, TooLittleMemoryIsASentence) {
   const TemporaryFolder folder;
   const std::string error = folder.path("err");
-  const int status = std::system(fmt::format("sh -c 'ulimit -v 700000; {} factors {} --patches 30000 --rays 8192 -o {} --threads 1 > /dev/null 2> {}'", FAROL_PROGRAM, kCornell,
-                                             folder.path("F.npz"), error)
-                                     .c_str());
+  const int status = std::system(
+      fmt::format("sh -c 'ulimit -v 700000; {} factors {} --patches 30000 --rays 8192 -o {} --threads 1 > /dev/null 2> {}'",
+                  FAROL_PROGRAM, kCornell, folder.path("F.npz"), error)
+          .c_str());
   EXPECT_EQ(WEXITSTATUS(status), 1);
   EXPECT_THAT(readText(error), HasSubstr("error: "));
   EXPECT_THAT(readText(error), HasSubstr("memory"));
@@ -124,12 +130,15 @@ Outcome withFault(const std::string& fault, const std::string& arguments) {
 TEST(MachineFailures, TooLittleDeviceMemoryMakesSmallerBatches) {
   const TemporaryFolder folder;
   const auto arguments = [&](const std::string& name) {
-    return "factors " + kCornell + " --patches 400 --method raster --resolution 64 -o " + folder.path(name + ".npz") + " --report " + folder.path(name + ".json");
+    return "factors " + kCornell + " --patches 400 --method raster --resolution 64 -o " + folder.path(name + ".npz") +
+           " --report " + folder.path(name + ".json");
   };
   ASSERT_EQ(farol(arguments("free")).exitCode, 0);
   const Outcome o = withFault("memory:1000000", arguments("tight"));
   ASSERT_EQ(o.exitCode, 0) << o.err;
-  const auto batchOf = [&](const std::string& name) { return nlohmann::json::parse(readText(folder.path(name + ".json"))).at("batch").at("hemicubes").get<int>(); };
+  const auto batchOf = [&](const std::string& name) {
+    return nlohmann::json::parse(readText(folder.path(name + ".json"))).at("batch").at("hemicubes").get<int>();
+  };
   EXPECT_LT(batchOf("tight"), batchOf("free") / 2);
   EXPECT_EQ(readText(folder.path("tight.npz")), readText(folder.path("free.npz"))) << "rows do not depend on batches";
 

@@ -1,9 +1,8 @@
 // Any bytes as a file of kept factors: read, or refused with a sentence. Checksums would keep all damage out: every input is
 // read a second time with its checksums made right.
+#include "base/error.h"
 #include "fuzz_file.h"
 #include "output/factor_archive.h"
-
-#include "base/error.h"
 
 #include <cmath>
 #include <cstring>

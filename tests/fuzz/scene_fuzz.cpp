@@ -1,9 +1,8 @@
 // Any bytes as a scene: loaded, cut into facets and patches, or refused with a sentence.
-#include "fuzz_file.h"
-#include "patch/patches.h"
-
 #include "base/error.h"
 #include "base/log.h"
+#include "fuzz_file.h"
+#include "patch/patches.h"
 
 using namespace farol;
 

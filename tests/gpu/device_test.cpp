@@ -26,8 +26,8 @@ TEST(DeviceChoice, FindsADeviceByPartOfItsNameAndByIndex) {
 
 TEST(DeviceChoice, GivesAReasonPerDeviceWhenNoneFits) {
   EXPECT_THAT([] { gpu::Device("no such device"); },
-              ThrowsMessage<Error>(::testing::AllOf(HasSubstr("no usable Vulkan device 'no such device'"),
-                                                    HasSubstr(device().info().name))));
+              ThrowsMessage<Error>(
+                  ::testing::AllOf(HasSubstr("no usable Vulkan device 'no such device'"), HasSubstr(device().info().name))));
 }
 
 }  // namespace

@@ -1,7 +1,8 @@
 // Raster with planar mirrors, by images, against the method of images in closed form and against rays.
+#include "formfactor/images.h"
+
 #include "base/error.h"
 #include "formfactor/comparison.h"
-#include "formfactor/images.h"
 #include "raster_run.h"
 #include "specular_cases.h"
 
@@ -37,7 +38,9 @@ TEST(Images, MatchTheMethodOfImages) {
     EXPECT_LT(f, 1.005 * exact + 1e-5) << c.id;
     EXPECT_GT(f, 0.995 * exact - cut - 1e-5) << c.id;
     expectAccounted(run, c.id);
-    if (std::string(c.id) < "C4") { EXPECT_LT(cut, 1e-4) << c.id; }
+    if (std::string(c.id) < "C4") {
+      EXPECT_LT(cut, 1e-4) << c.id;
+    }
   }
 }
 
@@ -64,12 +67,9 @@ TEST(Images, MatchWhereEmitterAndReceiverOverlap) {
   const auto rectangle = [](double x0, double y0, double x1, double y1) {
     return std::vector<std::vector<Vec3>>{{{x0, y0, 0}, {x1, y0, 0}, {x1, y1, 0}, {x0, y1, 0}}};
   };
-  std::vector<TestSurface> surfaces = {{"e1", rectangle(0, 0, 0.5, 1), Rgb(0)},
-                                       {"e2", rectangle(0.5, 0.25, 1, 1), Rgb(0)},
-                                       {"both", rectangle(0.5, 0, 1, 0.25), Rgb(0)},
-                                       {"r1", rectangle(0.5, -0.5, 1, 0), Rgb(0)},
-                                       {"r2", rectangle(1, -0.5, 1.75, 0.25), Rgb(0)},
-                                       surfacesOf("C1b").back()};
+  std::vector<TestSurface> surfaces = {{"e1", rectangle(0, 0, 0.5, 1), Rgb(0)},        {"e2", rectangle(0.5, 0.25, 1, 1), Rgb(0)},
+                                       {"both", rectangle(0.5, 0, 1, 0.25), Rgb(0)},   {"r1", rectangle(0.5, -0.5, 1, 0), Rgb(0)},
+                                       {"r2", rectangle(1, -0.5, 1.75, 0.25), Rgb(0)}, surfacesOf("C1b").back()};
   const Scene scene = loadSurfaces(surfaces);
   const double exact = expected("C1b", "F12 extended (through the mirror)");
   const auto factor = [](FactorRun& run) {
@@ -140,8 +140,8 @@ TEST(Images, DoNotDependOnBatchesAndAgreeWithRays) {
   RayRun better(scene, {300, 0}, {.rays = 65536, .seed = 5});
   probes.reference.emplace_back(whole.patches.size());
   better.maker()->makeRows(probes.patches, probes.reference[0], [](size_t) {});
-  const Comparison c = compareFactors(rays.f, rays.errorModel(), whole.f,
-                                      fitErrorModel(whole.f, whole.patches, probes, 3 * 64 * 64), whole.patches);
+  const Comparison c =
+      compareFactors(rays.f, rays.errorModel(), whole.f, fitErrorModel(whole.f, whole.patches, probes, 3 * 64 * 64), whole.patches);
   EXPECT_GT(c.withinEstimate, 0.95);
 }
 

@@ -22,8 +22,7 @@ TEST(SharedStructs, AreTheSameBytesInBothLanguages) {
     };
     fill(facets);
     fill(frames);
-    const gpu::Buffer facetsIn = gpu::upload(device(), "facets in", facets),
-                      framesIn = gpu::upload(device(), "frames in", frames);
+    const gpu::Buffer facetsIn = gpu::upload(device(), "facets in", facets), framesIn = gpu::upload(device(), "frames in", frames);
     const gpu::Buffer facetsOut(device(), "facets out", facets.size() * sizeof(facets[0]), gpu::Memory::device);
     const gpu::Buffer framesOut(device(), "frames out", frames.size() * sizeof(frames[0]), gpu::Memory::device);
     const gpu::Buffer facetsBack(device(), "facets back", facetsOut.bytes(), gpu::Memory::download);

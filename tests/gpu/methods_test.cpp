@@ -15,8 +15,7 @@ std::vector<TestSurface> roomWithBlock() {
   const Vec3 base[4] = {{0.53, 0.71, 0}, {1.23, 0.93, 0}, {1.01, 1.63, 0}, {0.31, 1.41, 0}};
   const Vec3 up(0, 0, 0.8);
   block.polygons.push_back({base[0] + up, base[1] + up, base[2] + up, base[3] + up});
-  for (int k = 0; k < 4; ++k)
-    block.polygons.push_back({base[k], base[(k + 1) % 4], base[(k + 1) % 4] + up, base[k] + up});
+  for (int k = 0; k < 4; ++k) block.polygons.push_back({base[k], base[(k + 1) % 4], base[(k + 1) % 4] + up, base[k] + up});
   surfaces.push_back(block);
   return surfaces;
 }
@@ -62,8 +61,8 @@ TEST(NearField, HasSomethingToBalanceItInOpenScenesAndSmallOnes) {
     run.makeAll();
     return run;
   };
-  RasterRun plates = corrected({{"1", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}},
-                                {"2", {{{0, 0, 1}, {0, 1, 1}, {1, 1, 1}, {1, 0, 1}}}}});
+  RasterRun plates =
+      corrected({{"1", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}}, {"2", {{{0, 0, 1}, {0, 1, 1}, {1, 1, 1}, {1, 0, 1}}}}});
   EXPECT_NEAR(plates.factor("1", "2"), 0.1998248957, 1e-5);
   EXPECT_NEAR(plates.f.rowSum(0) + plates.f.shares(0).missed, 1, 1e-6);
   RasterRun box = corrected(closedBox({1, 2, 3}));
@@ -125,16 +124,17 @@ TEST(CoveredArea, NeitherGathersNorIsSeen) {
         floor += area;
         gathered += area * run->f.rowSum(i);
         const RowShares& shares = run->f.shares(i);
-        if (shares.exposed > 0) { EXPECT_NEAR(run->f.rowSum(i) + shares.missed + shares.backs, 1, 1e-6); }
+        if (shares.exposed > 0) {
+          EXPECT_NEAR(run->f.rowSum(i) + shares.missed + shares.backs, 1, 1e-6);
+        }
         EXPECT_LE(run->f.rowSum(i), 1 + 1e-6);
       }
       // What the others send to the floor is what it sends to them: nothing arrives on the covered part.
       for (uint32_t i = 0; i < run->patches.size(); ++i) {
         const Patch& p = run->patches.patches[i];
         double toFloor = 0;
-        run->f[i].forEach([&](size_t j, double f) {
-          toFloor += surfaceNameOf(run->scene, run->patches.patches[j]) == "z0" ? f : 0;
-        });
+        run->f[i].forEach(
+            [&](size_t j, double f) { toFloor += surfaceNameOf(run->scene, run->patches.patches[j]) == "z0" ? f : 0; });
         sent += p.area * run->f.shares(i).exposed * toFloor;
       }
       EXPECT_NEAR(floor, 6 - kFootprint, 0.003 * 6) << count;
@@ -155,10 +155,9 @@ TEST(Comparison, FindsAFacetThatWasMovedInOneOfTwo) {
     RasterOptions better;  // of the same facets, so that their fault is not taken for sampling error
     better.resolution = 128;
     better.positions = 16;
-    RasterRowMaker(device(), raster.facets, raster.patches, better)
-        .makeRows(probes.patches, probes.reference[0], [](size_t) {});
-    return compareFactors(rays.f, rays.errorModel(), raster.f,
-                          fitErrorModel(raster.f, raster.patches, probes, 3 * 64 * 64), raster.patches);
+    RasterRowMaker(device(), raster.facets, raster.patches, better).makeRows(probes.patches, probes.reference[0], [](size_t) {});
+    return compareFactors(rays.f, rays.errorModel(), raster.f, fitErrorModel(raster.f, raster.patches, probes, 3 * 64 * 64),
+                          raster.patches);
   };
   RasterOptions options;
   options.positions = 4;

@@ -16,8 +16,7 @@ std::vector<TestSurface> room() {
   const Vec3 base[4] = {{0.5, 0.7, 0}, {1.2, 0.9, 0}, {1.1, 1.6, 0}, {0.4, 1.5, 0}};
   const Vec3 up(0, 0, 0.8);
   block.polygons.push_back({base[0] + up, base[1] + up, base[2] + up, base[3] + up});
-  for (int k = 0; k < 4; ++k)
-    block.polygons.push_back({base[k], base[(k + 1) % 4], base[(k + 1) % 4] + up, base[k] + up});
+  for (int k = 0; k < 4; ++k) block.polygons.push_back({base[k], base[(k + 1) % 4], base[(k + 1) % 4] + up, base[k] + up});
   surfaces.push_back(block);
   return surfaces;
 }
@@ -153,8 +152,7 @@ TEST(RasterRows, AreTheSameFromATeamOfDevices) {
 TEST(TeamRowMaker, PassesFailuresOn) {
   struct Fake : RowMaker {
     explicit Fake(bool f) : fails(f) {}
-    void makeRows(std::span<const uint32_t> patches, RowStore& /*store*/,
-                  const std::function<void(size_t)>& done) override {
+    void makeRows(std::span<const uint32_t> patches, RowStore& /*store*/, const std::function<void(size_t)>& done) override {
       done(patches.size());
       if (fails) throw Error("no more");
     }
@@ -172,8 +170,7 @@ TEST(TeamRowMaker, PassesFailuresOn) {
     if (fails) {
       EXPECT_THROW(
           {
-            for (int again = 0; again < 1000; ++again)
-              team.makeRows(all, f, count);  // until the second maker gets a share
+            for (int again = 0; again < 1000; ++again) team.makeRows(all, f, count);  // until the second maker gets a share
           },
           Error);
     } else {
@@ -207,8 +204,7 @@ TEST(RasterRows, FollowACellMapThatJoinsCells) {
   ASSERT_EQ(joined.patches.size(), 56u);
 
   // The same eye looks: rows of a scene whose columns alone are joined.
-  RasterRowMaker(device(), single.facets, single.patches, options)
-      .makeRows(std::vector<uint32_t>{4}, single.f, [](size_t) {});
+  RasterRowMaker(device(), single.facets, single.patches, options).makeRows(std::vector<uint32_t>{4}, single.f, [](size_t) {});
   joined.makeAll();
 
   double area = 0;
@@ -223,8 +219,7 @@ TEST(RasterRows, FollowACellMapThatJoinsCells) {
 // One-sided faces are black from behind, but opaque (truth case A15a with the blocker facing away).
 TEST(RasterRows, CountBackSidesAsBlackNotAsOpen) {
   const TestSurface floor{"floor", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}};
-  const TestSurface blockerFacingUp{"blocker",
-                                    {{{0.25, 0.25, 0.5}, {0.75, 0.25, 0.5}, {0.75, 0.75, 0.5}, {0.25, 0.75, 0.5}}}};
+  const TestSurface blockerFacingUp{"blocker", {{{0.25, 0.25, 0.5}, {0.75, 0.25, 0.5}, {0.75, 0.75, 0.5}, {0.25, 0.75, 0.5}}}};
   RasterOptions options;
   options.positions = 9;
   options.resolution = 128;
@@ -249,8 +244,8 @@ TEST(RasterRows, SeeTheFrontOfBackToBackFaces) {
   for (const bool upFirst : {true, false}) {
     RasterOptions options;
     options.positions = 4;
-    RasterRun run(loadSurfaces(upFirst ? std::vector{up, down, above, below} : std::vector{down, up, above, below}),
-                  {80, 0}, options);
+    RasterRun run(loadSurfaces(upFirst ? std::vector{up, down, above, below} : std::vector{down, up, above, below}), {80, 0},
+                  options);
     EXPECT_TRUE(run.facets.hasTwins);
     EXPECT_NEAR(run.factor("above", "up"), 0.1998, 0.004);
     EXPECT_NEAR(run.factor("below", "down"), 0.1998, 0.004);
@@ -262,8 +257,7 @@ TEST(RasterRows, SeeTheFrontOfBackToBackFaces) {
 TEST(RasterRows, LeaveOutBackSidesThatNoLightReaches) {
   auto surfaces = closedBox({1, 1, 1});
   for (TestSurface& s : surfaces) s.twoSided = true;
-  surfaces.push_back(
-      {"sail", {{{0.3, 0.3, 0.5}, {0.7, 0.3, 0.5}, {0.7, 0.7, 0.5}, {0.3, 0.7, 0.5}}}, Rgb(0.5), Rgb(1), true});
+  surfaces.push_back({"sail", {{{0.3, 0.3, 0.5}, {0.7, 0.3, 0.5}, {0.7, 0.7, 0.5}, {0.3, 0.7, 0.5}}}, Rgb(0.5), Rgb(1), true});
   const RasterRun run = made(surfaces, {}, 200);
   size_t fronts = 0, backs = 0;
   for (const uint32_t i : run.patchesOf("sail")) ++(run.patches.patches[i].back ? backs : fronts);

@@ -27,7 +27,8 @@ TEST(SolveOnDevice, AgreesWithTheCpuAtEverySize) {
                    there = given.solve(SolverKind::jacobi, 1e-6, 100000, &device());
     EXPECT_TRUE(there.converged) << n;
     EXPECT_LT(largestDifference(here, there), 1e-5) << n;
-    for (size_t i = 0; i < n; i += 1 + n / 10) EXPECT_NEAR(there.irradiance[i].r, here.irradiance[i].r, 1e-5 * here.irradiance[i].r);
+    for (size_t i = 0; i < n; i += 1 + n / 10)
+      EXPECT_NEAR(there.irradiance[i].r, here.irradiance[i].r, 1e-5 * here.irradiance[i].r);
   }
 }
 
@@ -49,7 +50,8 @@ TEST(SolveOnDevice, AgreesWithTheCpuWhereLittleIsAbsorbed) {
   }
   EXPECT_EQ(packed.packedRows(), 200u);
   given.f = packed;
-  EXPECT_LT(largestDifference(given.solve(SolverKind::gaussSeidel, 1e-12), given.solve(SolverKind::jacobi, 1e-12, 1000, &device())), 1e-9);
+  EXPECT_LT(largestDifference(given.solve(SolverKind::gaussSeidel, 1e-12), given.solve(SolverKind::jacobi, 1e-12, 1000, &device())),
+            1e-9);
 }
 
 TEST(SolveOnDevice, RefusesADivergingSystem) {

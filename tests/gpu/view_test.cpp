@@ -13,13 +13,11 @@ std::vector<TestSurface> quadrants() {
   const auto square = [](const char* name, double x, double y, const Rgb& e) {
     return TestSurface{name, {{{x, y, -2}, {x + 1, y, -2}, {x + 1, y + 1, -2}, {x, y + 1, -2}}}, Rgb(0), e};
   };
-  return {square("red", -1, 0, {kPi, 0, 0}), square("green", 0, 0, {0, 2 * kPi, 0}),
-          square("blue", -1, -1, {0, 0, 3 * kPi})};
+  return {square("red", -1, 0, {kPi, 0, 0}), square("green", 0, 0, {0, 2 * kPi, 0}), square("blue", -1, -1, {0, 0, 3 * kPi})};
 }
 
 struct Drawn {
-  Drawn(const std::vector<TestSurface>& surfaces, const Camera& camera, uint32_t width, uint32_t height,
-        double irradiance = 0)
+  Drawn(const std::vector<TestSurface>& surfaces, const Camera& camera, uint32_t width, uint32_t height, double irradiance = 0)
       : run(loadSurfaces(surfaces), {100, 0}, {}) {
     const std::vector<Rgb> h(run.patches.size(), Rgb(irradiance));
     const NodeIrradiance nodes(run.scene, run.facets, run.patches, nullptr, h);

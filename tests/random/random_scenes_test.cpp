@@ -51,14 +51,17 @@ std::vector<TestSurface> randomScene(uint64_t seed) {
   if (dice.chance(0.3)) scene.erase(scene.begin() + dice.upTo(5));  // an open side
   for (int k = dice.upTo(3); k > 0; --k) {  // boxes that may touch walls and each other, and stand in each other
     const Vec3 low = size * Vec3(dice.between(0, 0.7), dice.between(0, 0.7), dice.chance(0.5) ? 0 : dice.between(0, 0.2));
-    addBox(dice, fmt::format("box{}", k), low, low + size * Vec3(dice.between(0.05, 0.29), dice.between(0.05, 0.29), dice.between(0.05, 0.29)), false, scene);
+    addBox(dice, fmt::format("box{}", k), low,
+           low + size * Vec3(dice.between(0.05, 0.29), dice.between(0.05, 0.29), dice.between(0.05, 0.29)), false, scene);
   }
   // One loose triangle, sometimes a sliver, above the boxes: sheets that pierce boxes or each other have parts that count as
   // covered or not by a few rays.
   for (int k = dice.upTo(1); k > 0; --k) {
     const auto corner = [&] { return size * Vec3(dice.between(0.1, 0.9), dice.between(0.1, 0.9), dice.between(0.5, 0.9)); };
     TestSurface t{fmt::format("triangle{}", k), {{corner(), corner(), corner()}}};
-    if (dice.chance(0.3)) t.polygons[0][2] = t.polygons[0][0] + 1e-4 * (t.polygons[0][2] - t.polygons[0][0]) + 0.5 * (t.polygons[0][1] - t.polygons[0][0]);
+    if (dice.chance(0.3))
+      t.polygons[0][2] =
+          t.polygons[0][0] + 1e-4 * (t.polygons[0][2] - t.polygons[0][0]) + 0.5 * (t.polygons[0][1] - t.polygons[0][0]);
     t.twoSided = dice.chance(0.5);
     paint(dice, t);
     t.emission = Rgb(0);  // few rays meet a needle: with its light in F nothing but noise would be left
@@ -68,7 +71,8 @@ std::vector<TestSurface> randomScene(uint64_t seed) {
     }
     scene.push_back(t);
   }
-  if (std::none_of(scene.begin(), scene.end(), [](const TestSurface& s) { return maxChannel(s.emission) > 0; })) scene[0].emission = Rgb(1);
+  if (std::none_of(scene.begin(), scene.end(), [](const TestSurface& s) { return maxChannel(s.emission) > 0; }))
+    scene[0].emission = Rgb(1);
   return scene;
 }
 
@@ -132,7 +136,8 @@ void expectReciprocal(const Solved& s, const std::string& what) {
     const auto found = power.find({pair.second, pair.first});
     const double back = found == power.end() ? 0 : found->second, ray = perRay[pair.first] + perRay[pair.second];
     constexpr double kSigmas = 6;
-    EXPECT_NEAR(there, back, kSigmas * std::sqrt(std::max(there, back) * ray) + 2 * ray) << what << ": " << pair.first << " to " << pair.second;
+    EXPECT_NEAR(there, back, kSigmas * std::sqrt(std::max(there, back) * ray) + 2 * ray)
+        << what << ": " << pair.first << " to " << pair.second;
   }
 }
 

@@ -11,10 +11,7 @@ FacetSet quietFacets(const Scene& scene) {
 }  // namespace
 
 FactorRun::FactorRun(Scene s, const PatchOptions& patchOptions)
-    : scene(std::move(s)),
-      facets(quietFacets(scene)),
-      patches(buildPatches(scene, facets, patchOptions)),
-      f(patches.size()) {}
+    : scene(std::move(s)), facets(quietFacets(scene)), patches(buildPatches(scene, facets, patchOptions)), f(patches.size()) {}
 
 std::vector<uint32_t> FactorRun::patchesOf(const std::string& surface) const {
   std::vector<uint32_t> found;
@@ -47,8 +44,7 @@ double FactorRun::factor(const std::string& from, const std::string& to) {
   return sum / area;
 }
 
-double FactorRun::factorError(const ErrorModel& model, const std::string& from, const std::string& to,
-                              bool oneSign) const {
+double FactorRun::factorError(const ErrorModel& model, const std::string& from, const std::string& to, bool oneSign) const {
   const std::vector<uint32_t> targets = patchesOf(to);
   double variance = 0, total = 0, area = 0;
   for (const uint32_t i : patchesOf(from)) {
@@ -74,16 +70,12 @@ std::vector<uint32_t> FactorRun::probePatches(size_t count) const {
   return chosen;
 }
 
-void FactorRun::makeAll() {
-  makeFormFactors(*maker(), patches, false, Log(true), f);
-}
+void FactorRun::makeAll() { makeFormFactors(*maker(), patches, false, Log(true), f); }
 
 RayRun::RayRun(Scene s, const PatchOptions& patchOptions, const RayOptions& rayOptions)
     : FactorRun(std::move(s), patchOptions), options(rayOptions), tracer(facets) {}
 
-std::unique_ptr<RowMaker> RayRun::maker() {
-  return std::make_unique<RayRowMaker>(tracer, facets, patches, options);
-}
+std::unique_ptr<RowMaker> RayRun::maker() { return std::make_unique<RayRowMaker>(tracer, facets, patches, options); }
 
 ProbeRows RayRun::probes() {
   ProbeRows rows;
@@ -96,13 +88,10 @@ ProbeRows RayRun::probes() {
     RayRowMaker(tracer, facets, patches, o).makeRows(rows.patches, to.back(), [](size_t) {});
   };
   make(16 * options.rays, options.seed, rows.reference);
-  for (uint64_t k = 1; k <= 48 / std::max<size_t>(1, rows.patches.size()); ++k)
-    make(options.rays, options.seed + k, rows.again);
+  for (uint64_t k = 1; k <= 48 / std::max<size_t>(1, rows.patches.size()); ++k) make(options.rays, options.seed + k, rows.again);
   return rows;
 }
 
-ErrorModel RayRun::errorModel() {
-  return fitErrorModel(f, patches, probes(), options.rays);
-}
+ErrorModel RayRun::errorModel() { return fitErrorModel(f, patches, probes(), options.rays); }
 
 }  // namespace farol::test

@@ -22,8 +22,7 @@ struct FactorRun {
   virtual std::unique_ptr<RowMaker> maker() = 0;
 
   // Standard error of factor(from, to). Errors of rows are independent, or, where all rows stand for points, of one sign.
-  double factorError(const ErrorModel& model, const std::string& from, const std::string& to,
-                     bool oneSign = false) const;
+  double factorError(const ErrorModel& model, const std::string& from, const std::string& to, bool oneSign = false) const;
   // An even choice of the rows made so far.
   std::vector<uint32_t> probePatches(size_t count) const;
 

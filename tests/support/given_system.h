@@ -9,8 +9,7 @@
 namespace farol::test {
 
 struct GivenSystem {
-  GivenSystem(const std::vector<std::vector<double>>& rows, const std::vector<double>& rho,
-              const std::vector<double>& emission)
+  GivenSystem(const std::vector<std::vector<double>>& rows, const std::vector<double>& rho, const std::vector<double>& emission)
       : f(rows.size()), replaced(rows.size()) {
     scene.path = "given";
     scene.surfaces.push_back({"surface", 0, {}, {}, {}, {}, {}});
@@ -29,8 +28,7 @@ struct GivenSystem {
       patches.patches.push_back(p);
     }
   }
-  Solution solve(SolverKind kind, double residual = 1e-10, size_t maxSweeps = 100000,
-                 const gpu::Device* device = nullptr) const {
+  Solution solve(SolverKind kind, double residual = 1e-10, size_t maxSweeps = 100000, const gpu::Device* device = nullptr) const {
     SolveOptions o;
     o.kind = kind;
     o.residual = residual;
@@ -47,7 +45,8 @@ struct GivenSystem {
 inline GivenSystem randomSystem(uint32_t n, double rho) {
   std::vector<double> size(n);
   for (uint32_t i = 0; i < n; ++i) size[i] = 0.5 + unitFromBits(mixBits(i));
-  GivenSystem given(std::vector<std::vector<double>>(n, std::vector<double>()), std::vector<double>(n, rho), std::vector<double>(n, 0));
+  GivenSystem given(std::vector<std::vector<double>>(n, std::vector<double>()), std::vector<double>(n, rho),
+                    std::vector<double>(n, 0));
   double most = 0;
   std::vector<std::vector<float>> rows(n, std::vector<float>(n));
   for (uint32_t i = 0; i < n; ++i) {

@@ -13,9 +13,7 @@ const gpu::Device& device();
 struct RasterRun : FactorRun {
   RasterRun(Scene s, const PatchOptions& patchOptions, const RasterOptions& rasterOptions)
       : FactorRun(std::move(s), patchOptions), options(rasterOptions) {}
-  std::unique_ptr<RowMaker> maker() override {
-    return std::make_unique<RasterRowMaker>(device(), facets, patches, options);
-  }
+  std::unique_ptr<RowMaker> maker() override { return std::make_unique<RasterRowMaker>(device(), facets, patches, options); }
 
   RasterOptions options;
 };

@@ -17,9 +17,7 @@ inline const nlohmann::json& caseOf(const std::string& id) {
   throw std::runtime_error("no case " + id);
 }
 
-inline double expected(const std::string& id, const std::string& what) {
-  return caseOf(id)["expected"].at(what);
-}
+inline double expected(const std::string& id, const std::string& what) { return caseOf(id)["expected"].at(what); }
 
 inline std::vector<TestSurface> surfacesOf(const std::string& id) {
   std::vector<TestSurface> surfaces;
@@ -74,13 +72,13 @@ struct SpecularCase {
   const char *id, *from, *to, *what;
 };
 inline const SpecularCase kFactors[] = {{"C1a", "1", "2", "F12 extended (through the mirror)"},
-                         {"C1c", "1", "2", "F12 extended (through the mirror)"},
-                         {"C2a", "1", "2", "F12 extended"},
-                         {"C2b", "1", "2", "F12 extended"},
-                         {"C2c", "1", "2", "F12 extended"},
-                         {"C3a", "1", "2", "F12 extended"},
-                         {"C4a", "1", "2", "transmission F12 extended"},
-                         {"C4b", "1", "2", "transmission F12 extended"},
-                         {"C4c", "1", "2", "transmission F12 extended"}};
+                                        {"C1c", "1", "2", "F12 extended (through the mirror)"},
+                                        {"C2a", "1", "2", "F12 extended"},
+                                        {"C2b", "1", "2", "F12 extended"},
+                                        {"C2c", "1", "2", "F12 extended"},
+                                        {"C3a", "1", "2", "F12 extended"},
+                                        {"C4a", "1", "2", "transmission F12 extended"},
+                                        {"C4b", "1", "2", "transmission F12 extended"},
+                                        {"C4c", "1", "2", "transmission F12 extended"}};
 
 }  // namespace farol::test

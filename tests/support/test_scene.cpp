@@ -1,13 +1,12 @@
 #include "test_scene.h"
 
-#include <cmath>
-
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <cstring>
 #include <fstream>
-#include <sstream>
 #include <iterator>
+#include <sstream>
 #include <unistd.h>
 
 namespace farol::test {
@@ -20,8 +19,7 @@ std::string base64(const std::string& bytes) {
   std::string out;
   for (size_t i = 0; i < bytes.size(); i += 3) {
     uint32_t block = 0;
-    for (size_t k = 0; k < 3; ++k)
-      block = block << 8 | (i + k < bytes.size() ? static_cast<unsigned char>(bytes[i + k]) : 0u);
+    for (size_t k = 0; k < 3; ++k) block = block << 8 | (i + k < bytes.size() ? static_cast<unsigned char>(bytes[i + k]) : 0u);
     for (size_t k = 0; k < 4; ++k) out += i + k <= bytes.size() ? digits[block >> (18 - 6 * k) & 63] : '=';
   }
   return out;
@@ -51,16 +49,14 @@ json gltfOf(const std::vector<TestSurface>& surfaces, const Placement& placement
       for (const Vec3& p : polygon) {
         for (int c = 0; c < 3; ++c) positions.push_back(static_cast<float>(p[c]));
       }
-      for (uint32_t k = 1; k + 1 < polygon.size(); ++k)
-        indices.insert(indices.end(), {first, first + k, first + k + 1});
+      for (uint32_t k = 1; k + 1 < polygon.size(); ++k) indices.insert(indices.end(), {first, first + k, first + k + 1});
     }
     const size_t number = doc["meshes"].size();
     const size_t positionView = addView(positions.data(), positions.size() * sizeof(float));
     const size_t indexView = addView(indices.data(), indices.size() * sizeof(uint32_t));
     doc["accessors"].push_back(
         {{"bufferView", positionView}, {"componentType", 5126}, {"type", "VEC3"}, {"count", positions.size() / 3}});
-    doc["accessors"].push_back(
-        {{"bufferView", indexView}, {"componentType", 5125}, {"type", "SCALAR"}, {"count", indices.size()}});
+    doc["accessors"].push_back({{"bufferView", indexView}, {"componentType", 5125}, {"type", "SCALAR"}, {"count", indices.size()}});
     doc["materials"].push_back({{"name", "paint of " + s.name},
                                 {"doubleSided", s.twoSided},
                                 {"extras",
@@ -75,15 +71,14 @@ json gltfOf(const std::vector<TestSurface>& surfaces, const Placement& placement
       doc["materials"].back()["extensions"]["KHR_materials_volume"] = {
           {"thicknessFactor", 1}, {"attenuationDistance", s.attenuationDistance}, {"attenuationColor", {0.1, 0.1, 0.1}}};
     }
-    doc["meshes"].push_back({{"primitives", json::array({{{"attributes", {{"POSITION", 2 * number}}},
-                                                          {"indices", 2 * number + 1},
-                                                          {"material", number}}})}});
-    doc["nodes"].push_back(
-        {{"name", s.name},
-         {"mesh", number},
-         {"rotation", placement.rotation},
-         {"translation", {placement.translation.x, placement.translation.y, placement.translation.z}},
-         {"scale", {placement.scale, placement.scale, placement.scale}}});
+    doc["meshes"].push_back(
+        {{"primitives",
+          json::array({{{"attributes", {{"POSITION", 2 * number}}}, {"indices", 2 * number + 1}, {"material", number}}})}});
+    doc["nodes"].push_back({{"name", s.name},
+                            {"mesh", number},
+                            {"rotation", placement.rotation},
+                            {"translation", {placement.translation.x, placement.translation.y, placement.translation.z}},
+                            {"scale", {placement.scale, placement.scale, placement.scale}}});
     doc["scenes"][0]["nodes"].push_back(number);
   }
   doc["buffers"] =
@@ -93,8 +88,7 @@ json gltfOf(const std::vector<TestSurface>& surfaces, const Placement& placement
 
 TemporaryFolder::TemporaryFolder() {
   static std::atomic<int> counter{0};
-  folder_ = std::filesystem::temp_directory_path() /
-            ("farol-test-" + std::to_string(getpid()) + "-" + std::to_string(counter++));
+  folder_ = std::filesystem::temp_directory_path() / ("farol-test-" + std::to_string(getpid()) + "-" + std::to_string(counter++));
   std::filesystem::create_directories(folder_);
 }
 
@@ -105,15 +99,12 @@ TemporaryFolder::~TemporaryFolder() {
 
 std::vector<std::string> TemporaryFolder::files() const {
   std::vector<std::string> names;
-  for (const auto& entry : std::filesystem::directory_iterator(folder_))
-    names.push_back(entry.path().filename().string());
+  for (const auto& entry : std::filesystem::directory_iterator(folder_)) names.push_back(entry.path().filename().string());
   std::sort(names.begin(), names.end());
   return names;
 }
 
-void writeText(const std::string& path, const std::string& text) {
-  std::ofstream(path, std::ios::binary) << text;
-}
+void writeText(const std::string& path, const std::string& text) { std::ofstream(path, std::ios::binary) << text; }
 
 std::string readText(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
@@ -180,15 +171,14 @@ std::vector<TestSurface> ballRoom(int triangles) {
 
 std::vector<TestSurface> colouredBox() {
   auto box = closedBox({1, 2, 3});
-  const Rgb rho[6] = {{0.7, 0.05, 0.05}, {0.1, 0.45, 0.1}, {0.75, 0.7, 0.65},
-                      {0.75, 0.72, 0.7}, {0.4, 0.4, 0.45}, {0.8, 0.8, 0.8}};
+  const Rgb rho[6] = {{0.7, 0.05, 0.05}, {0.1, 0.45, 0.1}, {0.75, 0.7, 0.65}, {0.75, 0.72, 0.7}, {0.4, 0.4, 0.45}, {0.8, 0.8, 0.8}};
   for (size_t i = 0; i < 6; ++i) box[i].reflectance = rho[i];
   box[5].emission = Rgb(18, 12, 4);
   return box;
 }
 
-std::vector<TestSurface> sphereZones(const std::string& name, double radius, bool inward,
-                                     const std::vector<double>& zones, int segments, const Vec3& centre) {
+std::vector<TestSurface> sphereZones(const std::string& name, double radius, bool inward, const std::vector<double>& zones,
+                                     int segments, const Vec3& centre) {
   std::vector<TestSurface> result;
   for (size_t k = 0; k + 1 < zones.size(); ++k) {
     TestSurface zone;

@@ -64,8 +64,8 @@ std::vector<TestSurface> ballRoom(int triangles);
 std::vector<TestSurface> colouredBox();  // 1 x 2 x 3, coloured walls, the ceiling emits (truth B4b)
 
 // A sphere of quadrilaterals and triangles; `zones` lists heights z/r between which surfaces are cut, from -1 to 1.
-std::vector<TestSurface> sphereZones(const std::string& name, double radius, bool inward,
-                                     const std::vector<double>& zones, int segments, const Vec3& centre = Vec3(0));
+std::vector<TestSurface> sphereZones(const std::string& name, double radius, bool inward, const std::vector<double>& zones,
+                                     int segments, const Vec3& centre = Vec3(0));
 TestSurface disk(const std::string& name, double radius, const Vec3& centre, const Vec3& normal, int segments);
 
 }  // namespace farol::test

@@ -7,9 +7,7 @@ namespace {
 
 using nlohmann::json;
 
-Vec3 vec(const json& a) {
-  return {a[0].get<double>(), a[1].get<double>(), a[2].get<double>()};
-}
+Vec3 vec(const json& a) { return {a[0].get<double>(), a[1].get<double>(), a[2].get<double>()}; }
 
 // A differential element becomes a square so small that its size does not show (1e-3 of the distances).
 TestSurface element(const json& s) {

@@ -1,4 +1,5 @@
 #include "chart/chart.h"
+
 #include "chart/schedule.h"
 
 #include <cmath>
@@ -17,15 +18,17 @@ ChartPoint point(const char* series, double seconds, double error, double noise 
 }
 
 TEST(Chart, FrontIsWhatNothingBeats) {
-  std::vector<ChartPoint> points = {point("a", 1, 0.1), point("b", 2, 0.2), point("a", 2, 0.05), point("b", 3, 0.05), point("b", 0.5, 0.3),
-                                    point("a", 9, 0.001, 0.01), point("b", 10, 0.002, 0.01)};
+  std::vector<ChartPoint> points = {point("a", 1, 0.1),         point("b", 2, 0.2),   point("a", 2, 0.05),
+                                    point("b", 3, 0.05),        point("b", 0.5, 0.3), point("a", 9, 0.001, 0.01),
+                                    point("b", 10, 0.002, 0.01)};
   markFront(points);
   const bool expected[] = {true, false, true, false, true, true, false};  // the last: no better than the reference can tell
   for (size_t k = 0; k < points.size(); ++k) EXPECT_EQ(points[k].onFront, expected[k]) << k;
 }
 
-// Two methods of one kind that takes a hundred times what is guessed, and one of another that takes what is guessed: after the first of
-// the slow kind the other comes before it, as long as it is cheaper. Half a second of a setting does not sample, and five of the slow kind.
+// Two methods of one kind that takes a hundred times what is guessed, and one of another that takes what is guessed: after the
+// first of the slow kind the other comes before it, as long as it is cheaper. Half a second of a setting does not sample, and five
+// of the slow kind.
 TEST(Schedule, MeasuresTheCheapestFirst) {
   Schedule schedule;
   schedule.add(0, 1.0, {1, 2, 4, 100});

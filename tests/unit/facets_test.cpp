@@ -40,12 +40,9 @@ TEST(Facets, BlendColoursToNoLessThanNothing) {
 
 TEST(Facets, LeaveOutDegenerateAndDuplicateTriangles) {
   const std::vector<Vec3> good = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
-  const FacetSet set = facetsOf({{"t",
-                                  {good,
-                                   good,
-                                   {{0, 0, 0}, {1, 0, 0}, {1, 0, 0}},
-                                   {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}},
-                                   {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}}});
+  const FacetSet set = facetsOf(
+      {{"t",
+        {good, good, {{0, 0, 0}, {1, 0, 0}, {1, 0, 0}}, {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}}});
   EXPECT_EQ(set.facets.size(), 1u);
   EXPECT_EQ(set.duplicate, 1u);
   EXPECT_EQ(set.degenerate, 3u);
@@ -62,19 +59,14 @@ TEST(Facets, HearNothingOfVerticesThatNoTriangleUses) {
   EXPECT_EQ(set.welded, 0u);
 }
 
-TEST(Facets, RefuseASceneOfDegenerateTriangles) {
-  EXPECT_THROW(facetsOf({{"line", {{{0, 0, 0}, {1, 0, 0}, {2, 0, 0}}}}}), Error);
-}
+TEST(Facets, RefuseASceneOfDegenerateTriangles) { EXPECT_THROW(facetsOf({{"line", {{{0, 0, 0}, {1, 0, 0}, {2, 0, 0}}}}}), Error); }
 
 TEST(Facets, NoticeTrianglesThatFaceOppositeWays) {
-  EXPECT_TRUE(
-      facetsOf({{"a", {{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}}}, {"b", {{{0, 0, 0}, {0, 1, 0}, {1, 0, 0}}}}}).hasTwins);
+  EXPECT_TRUE(facetsOf({{"a", {{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}}}, {"b", {{{0, 0, 0}, {0, 1, 0}, {1, 0, 0}}}}}).hasTwins);
   EXPECT_FALSE(facetsOf(closedBox({1, 1, 1})).hasTwins);
 }
 
-TEST(Facets, WeldVerticesOfNeighbouringSurfaces) {
-  EXPECT_EQ(facetsOf(closedBox({1, 2, 3})).points.size(), 8u);
-}
+TEST(Facets, WeldVerticesOfNeighbouringSurfaces) { EXPECT_EQ(facetsOf(closedBox({1, 2, 3})).points.size(), 8u); }
 
 }  // namespace
 }  // namespace farol::test

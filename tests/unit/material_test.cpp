@@ -6,9 +6,7 @@ namespace farol {
 namespace {
 
 // 2 x 1 texels: black, white.
-Texture checker(Wrap wrap) {
-  return {"checker", 2, 1, {0, 0, 0, 255, 255, 255, 255, 255}, wrap, wrap, false};
-}
+Texture checker(Wrap wrap) { return {"checker", 2, 1, {0, 0, 0, 255, 255, 255, 255, 255}, wrap, wrap, false}; }
 
 TEST(Texture, DecodesSrgbBeforeFiltering) {
   Texture t = checker(Wrap::clamp);

@@ -40,7 +40,9 @@ TEST(NearPatches, OfOnePatchAreNone) {
   const std::vector<Vec3> centre = {Vec3(0)};
   const std::vector<double> size = {1.0};
   std::vector<NearPatches::Near> found;
-  NearPatches(centre, size).find(0, 16, 1e-6, [](uint32_t) { return 1.0; }, found);
+  NearPatches(centre, size)
+      .find(
+          0, 16, 1e-6, [](uint32_t) { return 1.0; }, found);
   EXPECT_TRUE(found.empty());
 }
 

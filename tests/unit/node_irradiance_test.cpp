@@ -35,8 +35,8 @@ struct Field {
 };
 
 TEST(NodeIrradiance, KeepsAConstantExactly) {
-  const Field f({{"q", {{{0, 0, 0}, {3, 0, 0}, {3, 2, 0}, {0, 2, 0}}}}, {"t", {{{4, 0, 0}, {7, 0, 0}, {4, 2, 0}}}}},
-                200, [](const Vec3&) { return 2.5; });
+  const Field f({{"q", {{{0, 0, 0}, {3, 0, 0}, {3, 2, 0}, {0, 2, 0}}}}, {"t", {{{4, 0, 0}, {7, 0, 0}, {4, 2, 0}}}}}, 200,
+                [](const Vec3&) { return 2.5; });
   for (uint32_t facet = 0; facet < 2; ++facet) {
     for (double u = 0; u <= 1; u += 0.09) {
       for (double v = 0; u + v <= 1; v += 0.07) EXPECT_NEAR(f.at(facet, u, v), 2.5, 1e-12);
@@ -46,8 +46,7 @@ TEST(NodeIrradiance, KeepsAConstantExactly) {
 
 // Inside, the mean of cells around a node reproduces a linear function.
 TEST(NodeIrradiance, FollowsALinearFunctionInside) {
-  const Field f({{"q", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}}}, 400,
-                [](const Vec3& p) { return p.x + 2 * p.y; });
+  const Field f({{"q", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}}}, 400, [](const Vec3& p) { return p.x + 2 * p.y; });
   const Facet& facet = f.facets.facets[0];
   for (const Vec2 uv : {Vec2(0.3, 0.6), Vec2(0.52, 0.5), Vec2(0.77, 0.21)}) {
     const Vec3 p = f.facets.frame.toScene(f.facets.point(facet, uv.x, uv.y));
@@ -57,18 +56,18 @@ TEST(NodeIrradiance, FollowsALinearFunctionInside) {
 
 // Two rectangles of one floor with edges of different length: no seam beyond second order along the shared line.
 TEST(NodeIrradiance, HasNoSeamBetweenFacetsOfOnePlane) {
-  const Field f({{"left", {{{0, 0, 0}, {1, 0, 0}, {1, 2, 0}, {0, 2, 0}}}},
-                 {"right", {{{1, 0.3, 0}, {2, 0.3, 0}, {2, 1.6, 0}, {1, 1.6, 0}}}}},
-                400, [](const Vec3& p) { return 1 + p.x + 0.5 * p.y; });
+  const Field f(
+      {{"left", {{{0, 0, 0}, {1, 0, 0}, {1, 2, 0}, {0, 2, 0}}}}, {"right", {{{1, 0.3, 0}, {2, 0.3, 0}, {2, 1.6, 0}, {1, 1.6, 0}}}}},
+      400, [](const Vec3& p) { return 1 + p.x + 0.5 * p.y; });
   for (double y = 0.4; y < 1.5; y += 0.013)
     EXPECT_NEAR(f.valueAt(0, {1, y, 0}), f.valueAt(1, {1, y, 0}), 0.03) << y;  // the two sides' cells differ by 0.1
 }
 
 // Grids that almost agree (edges of 1 and 2.003, 10 and 20 cells): nodes that nearly coincide share their cells, too.
 TEST(NodeIrradiance, HasNoSeamWhereNodesNearlyCoincide) {
-  const Field f({{"left", {{{0, 0, 0}, {1, 0, 0}, {1, 2.003, 0}, {0, 2.003, 0}}}},
-                 {"right", {{{1, 0, 0}, {2, 0, 0}, {2, 1, 0}, {1, 1, 0}}}}},
-                300, [](const Vec3& p) { return 1 + p.x; });
+  const Field f(
+      {{"left", {{{0, 0, 0}, {1, 0, 0}, {1, 2.003, 0}, {0, 2.003, 0}}}}, {"right", {{{1, 0, 0}, {2, 0, 0}, {2, 1, 0}, {1, 1, 0}}}}},
+      300, [](const Vec3& p) { return 1 + p.x; });
   const auto across = [&](double y) { return f.valueAt(0, {1, y, 0}) - f.valueAt(1, {1, y, 0}); };
   // (not along the last cell: beyond the corner at y = 1 the left one has no neighbour)
   for (double y = 0; y < 0.88; y += 0.01) EXPECT_NEAR(across(y), 0, 1e-3) << y;  // the two sides' cells differ by 0.1
@@ -84,9 +83,9 @@ TEST(NodeIrradiance, HasNoSeamBetweenGridsOfDifferentSteps) {
 
 // A crease stays sharp: floor and wall meet with their own values.
 TEST(NodeIrradiance, KeepsCreasesSharp) {
-  const Field f({{"floor", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}},
-                 {"wall", {{{0, 0, 0}, {0, 1, 0}, {0, 1, 1}, {0, 0, 1}}}}},
-                200, [](const Vec3& p) { return p.z > 0 ? 5.0 : 1.0; });
+  const Field f(
+      {{"floor", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}}, {"wall", {{{0, 0, 0}, {0, 1, 0}, {0, 1, 1}, {0, 0, 1}}}}}, 200,
+      [](const Vec3& p) { return p.z > 0 ? 5.0 : 1.0; });
   for (uint32_t facet = 0; facet < 2; ++facet) {
     for (const Vec2 uv : {Vec2(0, 0), Vec2(1, 0), Vec2(0, 1), Vec2(0.5, 0), Vec2(0, 0.5)})
       EXPECT_NEAR(f.at(facet, uv.x, uv.y), facet == 0 ? 1 : 5, 1e-12);
@@ -127,7 +126,8 @@ TEST(NodeIrradiance, FollowsASlopeThroughPatchesOfManySizes) {
   }
   EXPECT_GT(inside, 5u);
   for (double u = 0.26; u < 0.75; u += 0.04) {
-    for (double v = 0.26; v < 0.75; v += 0.04) EXPECT_NEAR(s.at(0, u, v), 1 + origin.x + u * alongU + v * alongV, 0.025) << u << " " << v;
+    for (double v = 0.26; v < 0.75; v += 0.04)
+      EXPECT_NEAR(s.at(0, u, v), 1 + origin.x + u * alongU + v * alongV, 0.025) << u << " " << v;
   }
 }
 

@@ -32,9 +32,7 @@ TEST(OutputFile, SaysThatADiskIsFull) {
   EXPECT_THROW(file.commit(), Error);
 }
 
-TEST(OutputFile, RefusesFoldersThatDoNotExist) {
-  EXPECT_THROW(requireWritable("/no/such/folder/file"), Error);
-}
+TEST(OutputFile, RefusesFoldersThatDoNotExist) { EXPECT_THROW(requireWritable("/no/such/folder/file"), Error); }
 
 struct Solved {
   Solved() : scene(loadSurfaces(closedBox({1, 1, 1}, Rgb(0.5), Rgb(1)), {{0, 0, 0, 1}, {1000, 0, 0}, 1})) {
@@ -56,9 +54,8 @@ TEST(PatchesCsv, QuotesNamesAndHasAColumnPerHeader) {
   const TemporaryFolder folder;
   writePatchesCsv(folder.path("p.csv"), s.scene, s.patches, nullptr, s.solution, {});
   const std::string text = readText(folder.path("p.csv"));
-  EXPECT_EQ(
-      text.substr(0, text.find("\r\n")),
-      "patch,surface,cx,cy,cz,nx,ny,nz,area,rho_r,rho_g,rho_b,E_r,E_g,E_b,B_r,B_g,B_b,H_r,H_g,H_b,exposed_area,err");
+  EXPECT_EQ(text.substr(0, text.find("\r\n")),
+            "patch,surface,cx,cy,cz,nx,ny,nz,area,rho_r,rho_g,rho_b,E_r,E_g,E_b,B_r,B_g,B_b,H_r,H_g,H_b,exposed_area,err");
   EXPECT_NE(text.find("\r\n0,\"wall, \"\"left\"\"\",1000,0."), std::string::npos);
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 25);
 }
@@ -80,8 +77,7 @@ TEST(FactorsNpy, HasTheHeaderThatNumPyReads) {
   const TemporaryFolder folder;
   writeFactorsNpy(folder.path("f.npy"), f);
   const std::string bytes = readText(folder.path("f.npy"));
-  const size_t header =
-      10 + static_cast<unsigned char>(bytes[8]) + 256 * static_cast<size_t>(static_cast<unsigned char>(bytes[9]));
+  const size_t header = 10 + static_cast<unsigned char>(bytes[8]) + 256 * static_cast<size_t>(static_cast<unsigned char>(bytes[9]));
   EXPECT_EQ(bytes.substr(1, 5), "NUMPY");
   EXPECT_EQ(header % 64, 0u);
   EXPECT_NE(bytes.find("'shape': (3, 3)"), std::string::npos);

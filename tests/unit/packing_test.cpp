@@ -13,7 +13,8 @@ namespace {
 // A row as rooms have it: many small entries, a few large ones, some zeros.
 std::vector<float> roomRow(size_t n) {
   std::vector<float> row(n);
-  for (size_t j = 0; j < n; ++j) row[j] = j % 3 == 0 ? 0.0f : static_cast<float>(std::pow(unitFromBits(mixBits(j)), 6) / static_cast<double>(n));
+  for (size_t j = 0; j < n; ++j)
+    row[j] = j % 3 == 0 ? 0.0f : static_cast<float>(std::pow(unitFromBits(mixBits(j)), 6) / static_cast<double>(n));
   row[n / 2] = 0.3f;
   return row;
 }
@@ -33,7 +34,9 @@ TEST(PackedRow, KeepsItsSumAndItsLargestEntries) {
         continue;
       }
       const double value = packed.steps[j] * step;
-      if (row[j] == 0) { EXPECT_EQ(value, 0); }
+      if (row[j] == 0) {
+        EXPECT_EQ(value, 0);
+      }
       EXPECT_LE(std::abs(value - static_cast<double>(row[j])), step * 1.0001);
       sum += value;
       error += std::abs(value - static_cast<double>(row[j]));

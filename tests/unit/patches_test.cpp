@@ -21,9 +21,7 @@ struct Cut {
   PatchSet patches;
 };
 
-Cut boxOf(const Vec3& size, const PatchOptions& options) {
-  return Cut(loadSurfaces(closedBox(size)), options);
-}
+Cut boxOf(const Vec3& size, const PatchOptions& options) { return Cut(loadSurfaces(closedBox(size)), options); }
 
 double areaOf(const Cut& cut) {
   double sum = 0;
@@ -39,8 +37,7 @@ TEST(Patches, AreasSumToTheAreaOfTheScene) {
     double triangles = 0;
     for (const Surface& s : scene.surfaces) {
       for (const auto& t : s.triangles)
-        triangles +=
-            0.5 * glm::length(glm::cross(s.positions[t[1]] - s.positions[t[0]], s.positions[t[2]] - s.positions[t[0]]));
+        triangles += 0.5 * glm::length(glm::cross(s.positions[t[1]] - s.positions[t[0]], s.positions[t[2]] - s.positions[t[0]]));
     }
     EXPECT_NEAR(areaOf(Cut(scene, {3000, 0})), triangles, 1e-6 * triangles) << name;
   }
@@ -53,8 +50,7 @@ TEST(Patches, FollowThePatchSize) {
     const Facet& facet = cut.facets.facets[f];
     const double size = cut.facets.frame.size;
     EXPECT_EQ(cut.patches.grids[f].nu,
-              std::lround(2 * size *
-                          glm::distance(cut.facets.points[facet.corners[0]], cut.facets.points[facet.corners[1]])));
+              std::lround(2 * size * glm::distance(cut.facets.points[facet.corners[0]], cut.facets.points[facet.corners[1]])));
   }
   EXPECT_EQ(cut.patches.size(), 2u * (4 * 6 + 2 * 6 + 2 * 4));
   EXPECT_EQ(boxOf({1, 1, 1}, {0, 0.3}).patches.size(), 6u * 16);
@@ -67,9 +63,7 @@ TEST(Patches, ComeCloseToTheNumberAskedFor) {
                 0.1 * static_cast<double>(count));
 }
 
-TEST(Patches, RefuseASizeThatMakesTooMany) {
-  EXPECT_THROW(boxOf({1, 1, 1}, {0, 1e-6}), Error);
-}
+TEST(Patches, RefuseASizeThatMakesTooMany) { EXPECT_THROW(boxOf({1, 1, 1}, {0, 1e-6}), Error); }
 
 // Every cell's own centre is found again from its (u,v), on parallelograms and on triangles.
 TEST(Cells, AreFoundFromTheirCentres) {
@@ -157,7 +151,8 @@ TEST(Patches, CellsHaveFourPartsEach) {
     for (uint32_t v = 0, number = 0; v < fine.nv; ++v) {
       const uint32_t width = parallelogram ? fine.nu : 2 * (fine.nu - v) - 1;
       for (uint32_t k = 0; k < width; ++k, ++number)
-        parent[number] = coarserCell(fine, parallelogram, {0, false, parallelogram ? k : k / 2, v, !parallelogram && k % 2 == 1}, 1);
+        parent[number] =
+            coarserCell(fine, parallelogram, {0, false, parallelogram ? k : k / 2, v, !parallelogram && k % 2 == 1}, 1);
     }
     std::set<uint32_t> seen;
     for (uint32_t cell = 0; cell < coarse.count(parallelogram); ++cell) {
@@ -172,7 +167,9 @@ TEST(Patches, CellsHaveFourPartsEach) {
 
 // Splitting one node of a square and of a triangle, and one of its parts again.
 TEST(Patches, OfATreeCoverTheirFacets) {
-  Cut cut(loadSurfaces({{"square", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}}, {"triangle", {{{0, 0, 1}, {1, 0, 1}, {0, 1, 1}}}}}), {0, 10});
+  Cut cut(
+      loadSurfaces({{"square", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}}, {"triangle", {{{0, 0, 1}, {1, 0, 1}, {0, 1, 1}}}}}),
+      {0, 10});
   ASSERT_EQ(cut.facets.facets.size(), 2u);
   PatchTree tree;
   for (uint32_t facet = 0; facet < 2; ++facet) {
@@ -208,9 +205,11 @@ TEST(Patches, OfATreeCoverTheirFacets) {
 TEST(Patches, JoinToLargerOnes) {
   const Scene scene = loadSurfaces(closedBox({1, 2, 3}));
   const Cut fine(scene, {1, 0.125}), wide(scene, {1, 0.25});
-  const std::vector<uint32_t> joined = joinedTo(wide.patches, fine.patches, fine.facets), byTwo = joinedCells(fine.patches, fine.facets, 2);
+  const std::vector<uint32_t> joined = joinedTo(wide.patches, fine.patches, fine.facets),
+                              byTwo = joinedCells(fine.patches, fine.facets, 2);
   std::map<uint32_t, uint32_t> known;
-  for (uint32_t p = 0; p < fine.patches.size(); ++p) EXPECT_EQ(known.try_emplace(byTwo[fine.patches.cellsOf(p)[0]], joined[p]).first->second, joined[p]);
+  for (uint32_t p = 0; p < fine.patches.size(); ++p)
+    EXPECT_EQ(known.try_emplace(byTwo[fine.patches.cellsOf(p)[0]], joined[p]).first->second, joined[p]);
   EXPECT_EQ(known.size(), wide.patches.size());
   PatchOptions options{1, 0.4};
   options.cluster = 15;
@@ -221,11 +220,13 @@ TEST(Patches, JoinToLargerOnes) {
 
 // Facets of a ball are gathered; those of the floor, which are larger than a patch, and of a lamp are not.
 TEST(Patches, GatherSmallFacetsThatTurnLittle) {
-  std::vector<TestSurface> surfaces{bumpyBall(2000, {0, 0, 1.2}), bumpyBall(2000, {3, 0, 1.2}), {"floor", {{{-2, -2, 0}, {6, -2, 0}, {6, 2, 0}, {-2, 2, 0}}}}};
+  std::vector<TestSurface> surfaces{
+      bumpyBall(2000, {0, 0, 1.2}), bumpyBall(2000, {3, 0, 1.2}), {"floor", {{{-2, -2, 0}, {6, -2, 0}, {6, 2, 0}, {-2, 2, 0}}}}};
   surfaces[1].name = "lamp";
   surfaces[1].emission = Rgb(1);
   // One half of the ball is another surface.
-  std::vector<std::vector<Vec3>> half(surfaces[0].polygons.begin() + static_cast<std::ptrdiff_t>(surfaces[0].polygons.size() / 2), surfaces[0].polygons.end());
+  std::vector<std::vector<Vec3>> half(surfaces[0].polygons.begin() + static_cast<std::ptrdiff_t>(surfaces[0].polygons.size() / 2),
+                                      surfaces[0].polygons.end());
   surfaces[0].polygons.resize(surfaces[0].polygons.size() - half.size());
   surfaces.push_back({"half", std::move(half)});
   PatchOptions options{1, 0.4};
@@ -234,7 +235,8 @@ TEST(Patches, GatherSmallFacetsThatTurnLittle) {
   const Cut gathered(loadSurfaces(surfaces), options);
   EXPECT_NEAR(areaOf(gathered), areaOf(single), 1e-9);
   const auto of = [](const Cut& cut, uint32_t surface) {
-    return static_cast<size_t>(std::count_if(cut.patches.patches.begin(), cut.patches.patches.end(), [&](const Patch& p) { return p.surface == surface; }));
+    return static_cast<size_t>(std::count_if(cut.patches.patches.begin(), cut.patches.patches.end(),
+                                             [&](const Patch& p) { return p.surface == surface; }));
   };
   EXPECT_LT(of(gathered, 0) + of(gathered, 3), (of(single, 0) + of(single, 3)) / 4);
   EXPECT_EQ(of(gathered, 1), of(single, 1));

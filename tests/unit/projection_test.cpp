@@ -41,8 +41,7 @@ TEST(DeltaFormFactors, AreThePixelsOwnFactors) {
         // right x up = forward: seen from the origin these run clockwise around the direction of sight, as
         // pointToPolygon wants.
         const std::vector<Vec3> pixel = {point(i, j), point(i, j + 1), point(i + 1, j + 1), point(i + 1, j)};
-        EXPECT_NEAR(factors[(face.y + j) * layout.width + face.x + i], pointToPolygon(Vec3(0), Vec3(0, 0, 1), pixel),
-                    1e-14);
+        EXPECT_NEAR(factors[(face.y + j) * layout.width + face.x + i], pointToPolygon(Vec3(0), Vec3(0, 0, 1), pixel), 1e-14);
       }
     }
   }

@@ -14,9 +14,7 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::ThrowsMessage;
 
-json square() {
-  return gltfOf({{"square", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}}});
-}
+json square() { return gltfOf({{"square", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}}}); }
 
 Scene load(const json& document) {
   const TemporaryFolder folder;
@@ -100,9 +98,8 @@ TEST(SceneLoader, ReadsStripsAndFans) {
 TEST(SceneLoader, AppliesSparseAccessors) {
   json j = square();
   // The last index (of 6) of the index accessor becomes what the first two bytes of the positions hold: 0.
-  j["accessors"][1]["sparse"] = {{"count", 1},
-                                 {"indices", {{"bufferView", 1}, {"byteOffset", 4}, {"componentType", 5125}}},
-                                 {"values", {{"bufferView", 0}}}};
+  j["accessors"][1]["sparse"] = {
+      {"count", 1}, {"indices", {{"bufferView", 1}, {"byteOffset", 4}, {"componentType", 5125}}}, {"values", {{"bufferView", 0}}}};
   EXPECT_EQ(load(j).surfaces[0].triangles[0][1], 0u);  // element 1 (index list 0 1 2 ...) replaced by 0
 }
 
@@ -146,8 +143,7 @@ TEST(SceneLoader, ChoosesCamerasByName) {
   const Scene scene = load(j);
   EXPECT_NEAR(chooseCamera(scene, "").position.z, 3, 1e-12);
   EXPECT_NEAR(chooseCamera(scene, "front").forward.z, -1, 1e-12);
-  EXPECT_THAT([&] { chooseCamera(scene, "back"); },
-              ThrowsMessage<Error>(AllOf(HasSubstr("no camera 'back'"), HasSubstr("front"))));
+  EXPECT_THAT([&] { chooseCamera(scene, "back"); }, ThrowsMessage<Error>(AllOf(HasSubstr("no camera 'back'"), HasSubstr("front"))));
   EXPECT_TRUE(chooseCamera(load(square()), "").frontFacesOnly);
 }
 
@@ -171,8 +167,7 @@ const Broken kBroken[] = {
     {"OldVersion", [](json& j) { j["asset"]["version"] = "1.0"; }, "only glTF 2 is read"},
     {"UnknownRequiredExtension", [](json& j) { j["extensionsRequired"] = {"KHR_draco_mesh_compression"}; },
      "KHR_draco_mesh_compression is required but not supported"},
-    {"BufferViewBeyondBuffer", [](json& j) { j["bufferViews"][0]["byteLength"] = 100000; },
-     "bufferView 0: ends at byte 100000"},
+    {"BufferViewBeyondBuffer", [](json& j) { j["bufferViews"][0]["byteLength"] = 100000; }, "bufferView 0: ends at byte 100000"},
     {"BufferShorterThanSaid", [](json& j) { j["buffers"][0]["byteLength"] = 1000; }, "file"},
     {"AccessorBeyondView", [](json& j) { j["accessors"][0]["count"] = 400; }, "accessor 0: needs"},
     {"NegativeCount", [](json& j) { j["accessors"][0]["count"] = -1; }, "accessor 0: count is -1"},
@@ -185,10 +180,8 @@ const Broken kBroken[] = {
     {"UnknownComponentType", [](json& j) { j["accessors"][0]["componentType"] = 5130; }, "componentType"},
     {"BadStride", [](json& j) { j["bufferViews"][0]["byteStride"] = 3; }, "byteStride is 3"},
     {"MeshIndexOutOfRange", [](json& j) { j["nodes"][0]["mesh"] = 7; }, "mesh is 7, but the file has 1 meshes"},
-    {"AttributeIndexOutOfRange", [](json& j) { j["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = 9; },
-     "POSITION is 9"},
-    {"VertexIndexOutOfRange", [](json& j) { j["accessors"][1]["bufferView"] = 0; },
-     "index"},  // float bits read as indices
+    {"AttributeIndexOutOfRange", [](json& j) { j["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = 9; }, "POSITION is 9"},
+    {"VertexIndexOutOfRange", [](json& j) { j["accessors"][1]["bufferView"] = 0; }, "index"},  // float bits read as indices
     {"NodeCycle",
      [](json& j) {
        j["nodes"].push_back({{"children", {2}}});
@@ -225,8 +218,7 @@ const Broken kBroken[] = {
      "metallicFactor"},
     {"RoughTransmission",
      [](json& j) {
-       j["materials"][0] = {{"name", "frost"},
-                            {"extensions", {{"KHR_materials_transmission", {{"transmissionFactor", 0.5}}}}}};
+       j["materials"][0] = {{"name", "frost"}, {"extensions", {{"KHR_materials_transmission", {{"transmissionFactor", 0.5}}}}}};
      },
      "'frost': transmission with roughness 1"},
     {"TextureMissing",

@@ -78,7 +78,7 @@ TEST(ShadowPacket, RaysRunFromThePieceToTheLampAndKeepOffTheEdges) {
         const double s = (start.x - from.origin.x) / 0.5, t = (start.y - from.origin.y) / 0.5;
         EXPECT_GE(std::min(s, t), 0.0099);
         EXPECT_LE(triangle ? s + t : std::max(s, t), triangle ? 1.0101 : 0.9901);  // the margin is taken after folding
-        EXPECT_GE(end.x - 0.2, end.y - 0.3 - 1e-6);  // the lamp's lower right half
+        EXPECT_GE(end.x - 0.2, end.y - 0.3 - 1e-6);                                // the lamp's lower right half
       }
     }
   }

@@ -36,7 +36,8 @@ TEST(Solver, EstimatesTheContraction) {
                           {.2, .2, .2, .2, 0, .2},
                           {.2, .2, .2, .2, .2, 0}},
                          std::vector<double>(6, 0.9), {1, 1, 1, 1, 1, 0});
-  for (const SolverKind kind : {SolverKind::jacobi, SolverKind::conjugateResiduals}) EXPECT_NEAR(cube.solve(kind).contraction, 0.9, 0.01);
+  for (const SolverKind kind : {SolverKind::jacobi, SolverKind::conjugateResiduals})
+    EXPECT_NEAR(cube.solve(kind).contraction, 0.9, 0.01);
 }
 
 // Gauss-Seidel needs about half the sweeps of Jacobi (failures, 18).
@@ -77,7 +78,8 @@ TEST(Solver, SweepsAsTheTextbookDoes) {
       } else {
         const float weight = 1.0f / static_cast<float>(hits.size());
         given.replaced.hits(i, hits, weight);
-        for (const uint32_t j : ids) rows[i][j] = static_cast<double>(weight) * static_cast<double>(std::count(hits.begin(), hits.end(), j));
+        for (const uint32_t j : ids)
+          rows[i][j] = static_cast<double>(weight) * static_cast<double>(std::count(hits.begin(), hits.end(), j));
       }
       given.replaced.finish(i, {});
     }
@@ -98,7 +100,8 @@ TEST(Solver, SweepsAsTheTextbookDoes) {
       }
       const Solution s = given.solve(kind, 1e-14, kSweeps);
       EXPECT_EQ(s.sweeps, kSweeps);
-      for (uint32_t i = 0; i < n; ++i) EXPECT_NEAR(s.radiosity[i].r, b[i], 1e-13 * (1 + b[i])) << i << ", lists: " << static_cast<int>(lists);
+      for (uint32_t i = 0; i < n; ++i)
+        EXPECT_NEAR(s.radiosity[i].r, b[i], 1e-13 * (1 + b[i])) << i << ", lists: " << static_cast<int>(lists);
     }
   }
 }
@@ -353,7 +356,8 @@ TEST(Field, ReadsFloatsAsWellAsItSays) {
       for (const bool alike : {false, true}) {
         Channels values(n, 3);
         for (Eigen::Index i = 0; i < n; ++i) {
-          for (Eigen::Index c = 0; c < 3; ++c) values(i, c) = size * (unitFromBits(mixBits(static_cast<uint64_t>(3 * i + (alike ? 0 : c)))) - 0.1);
+          for (Eigen::Index c = 0; c < 3; ++c)
+            values(i, c) = size * (unitFromBits(mixBits(static_cast<uint64_t>(3 * i + (alike ? 0 : c)))) - 0.1);
         }
         std::array<Eigen::RowVector3d, kRowsAtOnce> exact, rough;
         gather(f, all, Field(values), exact.data());
