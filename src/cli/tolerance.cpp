@@ -3,6 +3,7 @@
 #include "base/error.h"
 #include "base/machine.h"
 #include "cli/choices.h"
+#include "cli/plan_rules.h"
 #include "cli/sample_counts.h"
 
 namespace farol {
@@ -10,54 +11,11 @@ namespace {
 
 using Kind = MethodSpec::Kind;
 
-// Predictions aim below the tolerance: estimates scatter.
-constexpr double kMargin = 0.78;
 constexpr size_t kProbes = 192;
 constexpr size_t kFewTried = 450, kMostTried = 12000;  // patches of a trial
 constexpr double kUsualTolerance = 0.05;               // that a trial of few patches and rays is for
 constexpr double kTight = 0.03;                        // below it a trial is larger
-constexpr uint32_t kLeastShadowRays = 8;
-// What a picture shows: grain of every patch and edges of shadows.
-constexpr size_t kPicturePatches = 4000;
-constexpr uint32_t kPictureRays = 256;
-
-// Patches of several sizes must stay below a share of what those of one size cost in time or number; their trial costs some of it.
-constexpr double kWorthAdapting = 0.7, kWorthATrial = 0.5;
-
-// Where the light is known and the options leave the patches free.
-bool mayAdapt(const Options& o) {
-  return o.command != Command::factors && o.variants.empty() && !o.gave("--patches") && !o.gave("--patch-size");
-}
-
-bool wantsPicture(const Options& o) { return o.command == Command::render || !o.output.empty(); }
-
-// What --adapt would be given for such a tolerance.
-Options adaptingOptions(const Options& given, const Setting& setting) {
-  constexpr double kShare = 0.65;  // of the error that patches cost: its square and the samples' are about alike
-  Options options = given;
-  options.patchSize = 0;
-  options.adapt = std::stod(fmt::format("{:.2g}", kShare * kMargin * given.tolerance));
-  options.residual = setting.residual;
-  return options;
-}
-
-bool isUsable(const Adapting& a, const Options& options, const Scene& scene, const FacetSet& facets) {
-  constexpr size_t kMostCells = size_t{1} << 23;  // the grid of the smallest patches is as large as that over all
-  const bool deep = buildPatches(scene, facets, a.size).size() << 2 * a.adapted.tree.levels() > kMostCells;
-  return !deep && a.adapted.error <= options.adapt && !(wantsPicture(options) && a.adapted.patches < kPicturePatches);
-}
-
-// Three digits are enough, and read better.
-double rounded(double value) { return std::stod(fmt::format("{:.3g}", value)); }
-
-std::string clusterText(const TolerancePlan& p) { return p.size.cluster > 0 ? fmt::format(" --cluster {}", p.size.cluster) : ""; }
-
-std::string patchesText(const TolerancePlan& p, double patches) {
-  if (p.adapted)
-    return fmt::format("--adapt {} --patch-size {} (about {:.0f} of {} sizes)", p.adapt, p.size.size, patches,
-                       p.adapted->adapted.tree.levels() + 1);
-  return fmt::format("--patch-size {}{} (about {:.0f})", p.size.size, clusterText(p), patches);
-}
+constexpr uint32_t kPictureRays = 256;                 // grain of every patch, and edges of shadows
 
 class Planner {
  public:
@@ -409,101 +367,6 @@ class Planner {
 
 TolerancePlan planFor(const Options& options, const Scene& scene, const FacetSet& facets, const MethodSpec& method) {
   return Planner(options, scene, facets, method).plan();
-}
-
-namespace {
-
-// By what some parts of an error must shrink so that the whole is below `target`: the largest alone, or the largest two or
-// three by the same factor, where the others leave room for that. What is not to change is 1.
-struct Shrink {
-  double patches = 1, rows = 1, light = 1;
-};
-Shrink shrinkTo(double target, const ErrorParts& found, bool patchesFixed, bool rowsFixed, bool lightFixed) {
-  constexpr double kRoom = 0.3;  // of the target's square
-  Shrink shrink;
-  struct Part {
-    double error;
-    double* factor;
-  };
-  std::vector<Part> parts;
-  if (!patchesFixed) parts.push_back({found.patches, &shrink.patches});
-  if (!rowsFixed) parts.push_back({found.rows, &shrink.rows});
-  if (!lightFixed) parts.push_back({found.light, &shrink.light});
-  std::sort(parts.begin(), parts.end(), [](const Part& a, const Part& b) { return a.error > b.error; });
-  double rest = found.total() * found.total(), some = 0;
-  for (size_t k = 0; k < parts.size() && parts[k].error > 0; ++k) {
-    rest -= parts[k].error * parts[k].error;
-    some += parts[k].error * parts[k].error;
-    const double left = std::max(target * target - rest, kRoom * target * target);
-    for (size_t j = 0; j <= k; ++j) *parts[j].factor = std::min(1.0, std::sqrt(left / some));
-    if (target * target - rest >= kRoom * target * target) break;
-  }
-  return shrink;
-}
-
-}  // namespace
-
-TolerancePlan refined(const TolerancePlan& plan, const Options& options, const FacetSet& facets, const ErrorParts& found,
-                      bool careful) {
-  constexpr double kCareful = 0.65;
-  TolerancePlan next = plan;
-  const bool rays = plan.setting.spec.kind == Kind::rays;
-  const bool rowsFixed = plan.setting.spec.kind == Kind::exact || (rays ? options.gave("--rays") : options.gave("--resolution"));
-  const bool patchesFixed = !plan.adapted && options.gave("--patches");
-  const Shrink shrink =
-      shrinkTo((careful ? kCareful : kMargin) * options.tolerance, found, patchesFixed, rowsFixed, options.gave("--shadow-rays"));
-  if (shrink.rows < 1) scaleSamples(next.setting.spec, std::pow(shrink.rows, -1 / orderOf(plan.setting.spec)) * 1.1);
-  if (shrink.light < 1)
-    next.setting.shadowRays =
-        evenCount(worthOf(plan.setting.shadowRays) * std::pow(shrink.light, -1 / kSampleOrder) * 1.1, kLeastShadowRays, kMostRays);
-  if (plan.adapted && shrink.patches < 1) {
-    next.adapt = std::stod(fmt::format("{:.2g}", plan.adapt * shrink.patches / 1.05));
-    next.adapted.reset();
-  } else if (shrink.patches < 1) {
-    constexpr double kOrder = 1.5;
-    const double smaller = std::pow(shrink.patches, 1 / kOrder) / 1.05;
-    next.size.size = rounded((plan.size.size > 0 ? plan.size.size : sizeForPatches(facets, plan.size.count)) * smaller);
-    next.size.count = 0;
-  }
-  return next;
-}
-
-void adaptInstead(TolerancePlan& next, const TolerancePlan& plan, const Options& options, const Scene& scene,
-                  const FacetSet& facets, size_t patches) {
-  if (plan.adapted || plan.size.cluster > 0 || plan.size.size <= next.size.size || !mayAdapt(options)) return;
-  const double ofOneSize = static_cast<double>(patches) * std::pow(plan.size.size / next.size.size, 2);
-  const Options adapting = adaptingOptions(options, next.setting);
-  const AdaptTrial trial = adaptTrialOf(adapting, scene, facets, next.setting.spec);
-  if (trial.level == 0 ||
-      static_cast<double>(trial.patches) * samplesOf(trial.setting.spec) > kWorthATrial * ofOneSize * samplesOf(next.setting.spec))
-    return;
-  const Adapting a = adaptTo(adapting, scene, facets, next.setting.spec);
-  if (!isUsable(a, adapting, scene, facets) || static_cast<double>(a.adapted.patches) > kWorthAdapting * ofOneSize) return;
-  next.size = a.size;
-  next.adapt = adapting.adapt;
-  next.adapted = a;
-}
-
-std::vector<Choice> takeRefined(TolerancePlan& plan, const TolerancePlan& before, const ErrorParts& found, size_t patches) {
-  std::vector<Choice> changed;
-  for (Choice& c : plan.choices) {
-    std::string value = c.value;
-    double cost = 0;
-    if (c.what == "patches" && (plan.size.size != before.size.size || plan.adapt != before.adapt)) {
-      value = patchesText(plan, static_cast<double>(patches));
-      cost = found.patches;
-    } else if (c.what == "method") {
-      value = methodText(plan.setting.spec);
-      cost = found.rows;
-    } else if (c.what == "shadow rays") {
-      value = fmt::format("{}", plan.setting.shadowRays);
-      cost = found.light;
-    }
-    if (value == c.value) continue;
-    c = {c.what, value, fmt::format("refined: {} cost {:.2g} %", c.value, 100 * cost)};
-    changed.push_back(c);
-  }
-  return changed;
 }
 
 }  // namespace farol

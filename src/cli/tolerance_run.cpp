@@ -5,6 +5,7 @@
 #include "cli/factor_stage.h"
 #include "cli/light_stage.h"
 #include "cli/patch_size_error.h"
+#include "cli/refinement.h"
 
 namespace farol {
 namespace {

@@ -1,5 +1,5 @@
 // farol chart and --tolerance, as a user sees them.
-#include "cli/tolerance.h"
+#include "cli/refinement.h"
 
 #include "program.h"
 #include "test_scene.h"
