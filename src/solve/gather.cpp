@@ -52,7 +52,7 @@ template <size_t Channels, typename Factor, typename Number, size_t Rows>
 // Lists follow each other in memory: what comes is asked for ahead, mostly of the next row.
 template <bool Weighted>
 [[gnu::always_inline]] inline void askAhead(const ListRow& row, size_t k) {
-  constexpr size_t kAhead = 256;
+  constexpr size_t kAhead = 512;
   __builtin_prefetch(row.ids + k + kAhead);
   if constexpr (Weighted) __builtin_prefetch(row.values + k + kAhead);
 }
