@@ -64,7 +64,7 @@ TolerancePlan refined(const TolerancePlan& plan, const Options& options, const F
 }
 
 void adaptInstead(TolerancePlan& next, const TolerancePlan& plan, const Options& options, const Scene& scene,
-                  const FacetSet& facets, size_t patches) {
+                  const FacetSet& facets, const ErrorParts& found, size_t patches) {
   if (plan.adapted || plan.size.cluster > 0 || plan.size.size <= next.size.size || !mayAdapt(options)) return;
   const double ofOneSize = static_cast<double>(patches) * std::pow(plan.size.size / next.size.size, 2);
   const Options adapting = adaptingOptions(options, next.setting);
@@ -74,6 +74,10 @@ void adaptInstead(TolerancePlan& next, const TolerancePlan& plan, const Options&
     return;
   const Adapting a = adaptTo(adapting, scene, facets, next.setting.spec);
   if (!isUsable(a, adapting, scene, facets) || static_cast<double>(a.adapted.patches) > kWorthAdapting * ofOneSize) return;
+  // What these cost their trial has told: samples need not make up for patches that are not known.
+  ErrorParts expected = found;
+  expected.patches = adapting.adapt;
+  next.setting = refined(plan, options, facets, expected).setting;
   next.size = a.size;
   next.adapt = adapting.adapt;
   next.adapted = a;

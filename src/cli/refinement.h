@@ -11,9 +11,9 @@ TolerancePlan refined(const TolerancePlan& plan, const Options& options, const F
                       bool careful = false);
 
 // Patches of several sizes in place of the smaller ones of one size that the refinement `next` asks for, where they are fewer by
-// far. `patches`: of the plan.
+// far. `patches`: of the plan, whose errors were `found`.
 void adaptInstead(TolerancePlan& next, const TolerancePlan& plan, const Options& options, const Scene& scene,
-                  const FacetSet& facets, size_t patches);
+                  const FacetSet& facets, const ErrorParts& found, size_t patches);
 
 // The choices of a refined plan, whose patches are so many, become what it has changed, with what that cost before. Returns these.
 std::vector<Choice> takeRefined(TolerancePlan& plan, const TolerancePlan& before, const ErrorParts& found, size_t patches);

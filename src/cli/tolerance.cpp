@@ -192,9 +192,12 @@ class Planner {
     if (fixedPatches()) {
       counts = {givenPatches()};
     } else {
-      // Coarser than the trial nothing is known about edges, and little is saved.
+      // Coarser than the trial nothing is known about edges, and little is saved, unless patches cost next to nothing.
+      constexpr double kCoarser = 0.5, kNothing = 0.35;
+      const auto tried = static_cast<double>(trial_.patches);
+      const bool coarser = trial_.errorFor(kCoarser * tried, trial_.setting).patches < kNothing * target;
       const double floor = std::max(
-          {smallest, static_cast<double>(trial_.patches), wantsPicture(options_) ? static_cast<double>(kPicturePatches) : 100.0});
+          {smallest, coarser ? kCoarser * tried : tried, wantsPicture(options_) ? static_cast<double>(kPicturePatches) : 100.0});
       const double largest = 2e6;
       const double least = options_.patchSize > 0 ? static_cast<double>(trial_.patches) : floor;
       counts.push_back(std::max(least, floor));

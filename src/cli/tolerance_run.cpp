@@ -208,7 +208,7 @@ void meetTolerance(RunState& run) {
       limitedBy("time");
       break;
     }
-    adaptInstead(next, *run.plan, run.options, run.scene, run.facets, run.patches.size());
+    adaptInstead(next, *run.plan, run.options, run.scene, run.facets, found, run.patches.size());
     run.say("refined: the error is estimated as {:.2g} % (patches {:.2g}, rows {:.2g}, light {:.2g})", 100 * found.total(),
             100 * found.patches, 100 * found.rows, 100 * found.light);
     const TolerancePlan before = *run.plan;
