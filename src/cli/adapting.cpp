@@ -11,8 +11,7 @@ AdaptTrial adaptTrialOf(const Options& options, const Scene& scene, const FacetS
   constexpr size_t kMostTried = 6000;
   constexpr uint32_t kMostLevels = 3;
   AdaptTrial trial;
-  trial.size = {0, options.patchSize > 0 ? options.patchSize
-                                         : std::stod(fmt::format("{:.3g}", sizeForPatches(facets, facets.facets.size())))};
+  trial.size = {0, options.patchSize > 0 ? options.patchSize : rounded(sizeForPatches(facets, facets.facets.size()))};
   // Rays so many that their noise is little beside what is asked for.
   const double few = std::clamp(10.0 / options.adapt, 256.0, 6000.0);
   const uint32_t rays = std::bit_floor(static_cast<uint32_t>(1.4 * few));

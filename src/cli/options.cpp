@@ -425,6 +425,8 @@ Options parseOptions(int argc, char** argv, bool& handled) {
   return o;
 }
 
+double rounded(double value, int digits) { return std::stod(fmt::format("{:.{}g}", value, digits)); }
+
 std::string explicitCommand(const Options& o, const MethodSpec& method) {
   std::string text = fmt::format("farol {} {}", commandName(o.command), o.scene);
   if (o.command == Command::compare) text += fmt::format(" {} {}", o.methodA, o.methodB);

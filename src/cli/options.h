@@ -96,6 +96,9 @@ inline PatchOptions patchOptionsOf(const Options& o) {
 // do.
 Options parseOptions(int argc, char** argv, bool& handled);
 
+// As options are told and chosen: few digits are enough, and read better.
+double rounded(double value, int digits = 3);
+
 // A command line that states every option in force and repeats the run with the method that was chosen.
 std::string explicitCommand(const Options& options, const MethodSpec& method);
 

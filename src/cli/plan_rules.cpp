@@ -6,13 +6,18 @@ bool mayAdapt(const Options& o) {
   return o.command != Command::factors && o.variants.empty() && !o.gave("--patches") && !o.gave("--patch-size");
 }
 
+bool givesSamples(const Options& options, const MethodSpec& spec) {
+  using Kind = MethodSpec::Kind;
+  return spec.kind == Kind::exact || options.gave(spec.kind == Kind::rays ? "--rays" : "--resolution");
+}
+
 bool wantsPicture(const Options& o) { return o.command == Command::render || !o.output.empty(); }
 
 Options adaptingOptions(const Options& given, const Setting& setting) {
   constexpr double kShare = 0.65;  // of the error that patches cost: its square and the samples' are about alike
   Options options = given;
   options.patchSize = 0;
-  options.adapt = std::stod(fmt::format("{:.2g}", kShare * kMargin * given.tolerance));
+  options.adapt = rounded(kShare * kMargin * given.tolerance, 2);
   options.residual = setting.residual;
   return options;
 }
@@ -22,8 +27,6 @@ bool isUsable(const Adapting& a, const Options& options, const Scene& scene, con
   const bool deep = buildPatches(scene, facets, a.size).size() << 2 * a.adapted.tree.levels() > kMostCells;
   return !deep && a.adapted.error <= options.adapt && !(wantsPicture(options) && a.adapted.patches < kPicturePatches);
 }
-
-double rounded(double value) { return std::stod(fmt::format("{:.3g}", value)); }
 
 std::string patchesText(const TolerancePlan& p, double patches) {
   if (p.adapted)

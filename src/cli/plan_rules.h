@@ -16,13 +16,12 @@ inline constexpr double kWorthAdapting = 0.7, kWorthATrial = 0.5;
 // Where the light is known and the options leave the patches free.
 bool mayAdapt(const Options& options);
 bool wantsPicture(const Options& options);
+// Whether options decide how many samples a row has.
+bool givesSamples(const Options& options, const MethodSpec& spec);
 
 // What --adapt would be given for such a tolerance.
 Options adaptingOptions(const Options& given, const Setting& setting);
 bool isUsable(const Adapting& adapting, const Options& options, const Scene& scene, const FacetSet& facets);
-
-// Three digits are enough, and read better.
-double rounded(double value);
 
 // As options, with the number that these make.
 std::string patchesText(const TolerancePlan& plan, double patches);

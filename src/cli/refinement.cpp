@@ -6,8 +6,6 @@
 namespace farol {
 namespace {
 
-using Kind = MethodSpec::Kind;
-
 // By what some parts of an error must shrink so that the whole is below `target`: the largest alone, or the largest two or
 // three by the same factor, where the others leave room for that. What is not to change is 1.
 struct Shrink {
@@ -42,8 +40,7 @@ TolerancePlan refined(const TolerancePlan& plan, const Options& options, const F
                       bool careful) {
   constexpr double kCareful = 0.65;
   TolerancePlan next = plan;
-  const bool rays = plan.setting.spec.kind == Kind::rays;
-  const bool rowsFixed = plan.setting.spec.kind == Kind::exact || (rays ? options.gave("--rays") : options.gave("--resolution"));
+  const bool rowsFixed = givesSamples(options, plan.setting.spec);
   const bool patchesFixed = !plan.adapted && options.gave("--patches");
   const Shrink shrink =
       shrinkTo((careful ? kCareful : kMargin) * options.tolerance, found, patchesFixed, rowsFixed, options.gave("--shadow-rays"));
@@ -52,7 +49,7 @@ TolerancePlan refined(const TolerancePlan& plan, const Options& options, const F
     next.setting.shadowRays =
         evenCount(worthOf(plan.setting.shadowRays) * std::pow(shrink.light, -1 / kSampleOrder) * 1.1, kLeastShadowRays, kMostRays);
   if (plan.adapted && shrink.patches < 1) {
-    next.adapt = std::stod(fmt::format("{:.2g}", plan.adapt * shrink.patches / 1.05));
+    next.adapt = rounded(plan.adapt * shrink.patches / 1.05, 2);
     next.adapted.reset();
   } else if (shrink.patches < 1) {
     constexpr double kOrder = 1.5;

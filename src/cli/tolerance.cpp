@@ -50,10 +50,7 @@ class Planner {
   double givenPatches() const {
     return static_cast<double>(options_.patches > kMostTried ? std::max(options_.patches, trial_.patches) : trial_.patches);
   }
-  bool fixedSamples() const {
-    return plan_.setting.spec.kind == Kind::exact ||
-           (plan_.setting.spec.kind == Kind::rays ? options_.gave("--rays") : options_.gave("--resolution"));
-  }
+  bool fixedSamples() const { return givesSamples(options_, plan_.setting.spec); }
   bool fixedShadow() const { return options_.gave("--shadow-rays"); }
 
   // Whether facets are so many and small that gathering them leaves much fewer patches. A hemicube takes a bent patch for flat, an

@@ -5,6 +5,8 @@
 #include "cli/patch_size_error.h"
 #include "cli/trials.h"
 
+#include <cmath>
+
 namespace farol {
 
 // The parts of the error of H, relative to its mean; their squares add.

@@ -5,6 +5,7 @@
 #include "formfactor/analytic.h"
 #include "light/direct.h"
 #include "patch/positions.h"
+#include "specular_cases.h"
 
 #include <gtest/gtest.h>
 
@@ -212,13 +213,7 @@ TEST(LampImages, NeedALampBeforeTheMirrorAndAMirrorBeforeTheLamp) {
   EXPECT_EQ(Lit(surfaces, 200, 16).images->size(), 0u);
 }
 
-// A floor of 4 x 3 before a wall that is a mirror, 2 high, at x = 0. What a patch of the floor gets by a light and its image.
-const Rgb kWall(0.9, 0.6, 0.3);
-std::vector<TestSurface> floorBeforeAMirror() {
-  return {{"floor", {{{0, 0, 0}, {4, 0, 0}, {4, 3, 0}, {0, 3, 0}}}, Rgb(0)},
-          {"wall", {{{0, 0, 0}, {0, 3, 0}, {0, 3, 2}, {0, 0, 2}}}, Rgb(0), Rgb(0), false, kWall}};
-}
-
+// What a patch of the floor gets by a light and its image.
 struct LitByPoints {
   explicit LitByPoints(const std::vector<PunctualLight>& lights, const std::vector<TestSurface>& surfaces = floorBeforeAMirror())
       : run(loadSurfaces(surfaces), {400, 0}, {}), mirrors(run.facets, run.patches) {
@@ -244,13 +239,7 @@ struct LitByPoints {
 
 TEST(LightImages, OfPointsAndSpotsShineOverAMirror) {
   const PunctualLight point{.name = "point", .position = {1.5, 1.2, 1.4}, .intensity = Rgb(10, 20, 30), .range = 9};
-  PunctualLight spot{.name = "spot",
-                     .kind = PunctualLight::Kind::spot,
-                     .position = {2, 1.5, 1.8},
-                     .direction = glm::normalize(Vec3(-2, 0, -1.8)),
-                     .intensity = Rgb(100),
-                     .innerCone = 0.1,
-                     .outerCone = 0.5};
+  const PunctualLight spot = spotAtTheMirror(-1.8);
   for (const PunctualLight& light : {point, spot}) {
     const LitByPoints lit({light});
     ASSERT_EQ(lit.images.size(), 1u);
@@ -260,7 +249,7 @@ TEST(LightImages, OfPointsAndSpotsShineOverAMirror) {
     Rgb sum(0), exact(0);
     for (const uint32_t i : lit.run.patchesOf("floor")) {
       const double area = lit.run.patches.patches[i].area;
-      const Rgb expected = lit.mean(i, light) + kWall * lit.mean(i, image);
+      const Rgb expected = lit.mean(i, light) + kMirrorWall * lit.mean(i, image);
       for (int c = 0; c < 3; ++c) EXPECT_NEAR(lit.direct.irradiance[i][c], expected[c], 0.02 * expected[c] + 0.02) << light.name;
       sum += area * lit.direct.irradiance[i];
       exact += area * expected;
@@ -271,16 +260,15 @@ TEST(LightImages, OfPointsAndSpotsShineOverAMirror) {
 
 // The strip of the floor that the wall throws light on is three quarters of its height wide.
 TEST(LightImages, OfTheSunLightAStripBeforeAMirror) {
-  const PunctualLight sun{
-      .name = "sun", .kind = PunctualLight::Kind::directional, .direction = {-0.6, 0, -0.8}, .intensity = Rgb(5)};
+  const PunctualLight sun = sunAtTheMirror();
   const LitByPoints lit({sun});
   ASSERT_EQ(lit.images.size(), 1u);
   Rgb flux(0);
   for (const uint32_t i : lit.run.patchesOf("floor")) flux += lit.run.patches.patches[i].area * lit.direct.irradiance[i];
-  for (int c = 0; c < 3; ++c) EXPECT_NEAR(flux[c], 5 * 0.8 * (12 + kWall[c] * 1.5 * 3), 0.01 * flux[c]);
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(flux[c], 5 * 0.8 * (12 + kMirrorWall[c] * 1.5 * 3), 0.01 * flux[c]);
   // From the other side it meets the back of the wall, which is black.
-  const PunctualLight behind{
-      .name = "behind", .kind = PunctualLight::Kind::directional, .direction = {0.6, 0, -0.8}, .intensity = Rgb(5)};
+  PunctualLight behind = sun;
+  behind.direction.x *= -1;
   EXPECT_TRUE(LitByPoints({behind}).images.empty());
   EXPECT_TRUE(LitByPoints({{.name = "point behind", .position = {-1, 1, 1}, .intensity = Rgb(1)}}).images.empty());
 }
@@ -300,7 +288,7 @@ TEST(LightImages, ShineFromACorner) {
       for (const double y : {1.0, -1.0}) {
         PunctualLight image = light;
         image.position = {x, y, 1};
-        exact += area * (x < 0 ? kWall.r : 1) * (y < 0 ? 0.5 : 1) * lit.mean(i, image).r;
+        exact += area * (x < 0 ? kMirrorWall.r : 1) * (y < 0 ? 0.5 : 1) * lit.mean(i, image).r;
       }
     }
   }

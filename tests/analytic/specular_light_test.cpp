@@ -178,22 +178,11 @@ TEST(SpecularLight, IsTheSameOnOneThreadAndOnTwo) {
 
 // A mirror, 2 high, throws light of each kind on the floor before it: as much as its image does.
 TEST(SpecularLight, StartsFromPunctualLightsToo) {
-  const std::vector<TestSurface> surfaces = {
-      {"floor", {{{0, 0, 0}, {4, 0, 0}, {4, 3, 0}, {0, 3, 0}}}, Rgb(0)},
-      {"wall", {{{0, 0, 0}, {0, 3, 0}, {0, 3, 2}, {0, 0, 2}}}, Rgb(0), Rgb(0), false, Rgb(0.9, 0.6, 0.3)}};
   const PunctualLight point{.name = "point", .position = {1.5, 1.2, 1.4}, .intensity = Rgb(10, 20, 30)};
-  const PunctualLight spot{.name = "spot",
-                           .kind = PunctualLight::Kind::spot,
-                           .position = {2, 1.5, 1.8},
-                           .direction = glm::normalize(Vec3(-2, 0, -1.2)),
-                           .intensity = Rgb(100),
-                           .innerCone = 0.1,
-                           .outerCone = 0.5};
-  const PunctualLight sun{
-      .name = "sun", .kind = PunctualLight::Kind::directional, .direction = {-0.6, 0, -0.8}, .intensity = Rgb(5)};
   Rgb all(0);
-  for (const PunctualLight& light : {point, spot, sun}) {
-    const Followed followed(surfaces, {100, 0}, 1u << 18, 1, {light});
+  const std::vector<PunctualLight> lights = {point, spotAtTheMirror(-1.2), sunAtTheMirror()};
+  for (const PunctualLight& light : lights) {
+    const Followed followed(floorBeforeAMirror(), {100, 0}, 1u << 18, 1, {light});
     const PlanarMirrors mirrors(followed.run.facets, followed.run.patches);
     const auto images = lightImages(std::span(&light, 1), followed.run.facets.frame, mirrors, {});
     ASSERT_TRUE(images);
@@ -206,11 +195,11 @@ TEST(SpecularLight, StartsFromPunctualLightsToo) {
     EXPECT_EQ(followed.fluxOf("wall"), Rgb(0)) << "what arrives straight is not counted";
     all += followed.fluxOf("floor");
   }
-  const Followed together(surfaces, {100, 0}, 1u << 20, 1, {point, spot, sun});
+  const Followed together(floorBeforeAMirror(), {100, 0}, 1u << 20, 1, lights);
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(together.fluxOf("floor")[c], all[c], 0.005 * all[c]);
   PunctualLight weak = point;
   weak.range = 1.4;  // the wall is 1.5 away
-  EXPECT_EQ(Followed(surfaces, {100, 0}, 1u << 12, 1, {weak}).fluxOf("floor"), Rgb(0));
+  EXPECT_EQ(Followed(floorBeforeAMirror(), {100, 0}, 1u << 12, 1, {weak}).fluxOf("floor"), Rgb(0));
 }
 
 // The sun straight down through a plate of glass: (1 - R) / (1 + R) of it passes, where R is 0.04.

@@ -153,21 +153,12 @@ BENCHMARK_CAPTURE(slowly, jacobi, SolverKind::jacobi)->Apply(slowScenes);
 BENCHMARK_CAPTURE(slowly, gauss_seidel, SolverKind::gaussSeidel)->Apply(slowScenes);
 BENCHMARK_CAPTURE(slowly, conjugate_residuals, SolverKind::conjugateResiduals)->Apply(slowScenes);
 
-BENCHMARK(read)->ArgName("N")->Arg(4000)->Arg(16000)->UseManualTime()->Iterations(3)->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(sweep, jacobi, SolverKind::jacobi)
-    ->ArgName("N")
-    ->Arg(4000)
-    ->Arg(16000)
-    ->UseManualTime()
-    ->Iterations(3)
-    ->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(sweep, gauss_seidel, SolverKind::gaussSeidel)
-    ->ArgName("N")
-    ->Arg(4000)
-    ->Arg(16000)
-    ->UseManualTime()
-    ->Iterations(3)
-    ->Unit(benchmark::kMillisecond);
-BENCHMARK(jacobiOnDevice)->ArgName("N")->Arg(4000)->Arg(16000)->UseManualTime()->Iterations(3)->Unit(benchmark::kMillisecond);
+void sizes(benchmark::internal::Benchmark* b) {
+  b->ArgName("N")->Arg(4000)->Arg(16000)->UseManualTime()->Iterations(3)->Unit(benchmark::kMillisecond);
+}
+BENCHMARK(read)->Apply(sizes);
+BENCHMARK_CAPTURE(sweep, jacobi, SolverKind::jacobi)->Apply(sizes);
+BENCHMARK_CAPTURE(sweep, gauss_seidel, SolverKind::gaussSeidel)->Apply(sizes);
+BENCHMARK(jacobiOnDevice)->Apply(sizes);
 
 }  // namespace

@@ -316,6 +316,25 @@ TEST(TrialLaws, CarryATrialToOtherSettings) {
   EXPECT_EQ(laws.shadowWork(512), 5 * 512);
 }
 
+// What they learn from a trial they tell of its own setting, and of twice the samples twice the rows' time.
+TEST(TrialLaws, TellATrialItsOwnSeconds) {
+  Trial trial{FormFactorMatrix(1), {}};
+  trial.rowSeconds = 0.3;
+  trial.lightSeconds = 0.2;
+  trial.lighting.direct.rays = 200000;
+  TrialLaws laws;
+  laws.patches = 1000;
+  laws.setting.spec.rays = 256;
+  laws.setting.shadowRays = 64;
+  laws.learnCosts(trial);
+  EXPECT_NEAR(laws.secondsFor(1000, laws.setting), trial.seconds(), 1e-12);
+  EXPECT_NEAR(laws.shadowWork(128), 400, 1e-9);  // shadow rays of a patch, twice those of the trial
+  Setting twice = laws.setting;
+  twice.spec.rays *= 2;
+  const double sweeps = kSecondsPerEntry * 1000 * 256 * 10;  // eight and two, which read twice the entries
+  EXPECT_NEAR(laws.secondsFor(1000, twice), 2 * 0.3 + 0.2 + sweeps, 1e-12);
+}
+
 // The largest part of an error alone where that is enough; parts that are as large shrink together; what is given stays.
 TEST(Refined, ShrinksNoMoreThanItMust) {
   Options options;

@@ -42,6 +42,25 @@ inline std::vector<TestSurface> surfacesOf(const std::string& id) {
   return surfaces;
 }
 
+// A floor of 4 x 3 before a wall that is a mirror, 2 high, at x = 0, and lights that reach both.
+inline const Rgb kMirrorWall(0.9, 0.6, 0.3);
+inline std::vector<TestSurface> floorBeforeAMirror() {
+  return {{"floor", {{{0, 0, 0}, {4, 0, 0}, {4, 3, 0}, {0, 3, 0}}}, Rgb(0)},
+          {"wall", {{{0, 0, 0}, {0, 3, 0}, {0, 3, 2}, {0, 0, 2}}}, Rgb(0), Rgb(0), false, kMirrorWall}};
+}
+inline PunctualLight spotAtTheMirror(double down) {
+  return {.name = "spot",
+          .kind = PunctualLight::Kind::spot,
+          .position = {2, 1.5, 1.8},
+          .direction = glm::normalize(Vec3(-2, 0, down)),
+          .intensity = Rgb(100),
+          .innerCone = 0.1,
+          .outerCone = 0.5};
+}
+inline PunctualLight sunAtTheMirror() {
+  return {.name = "sun", .kind = PunctualLight::Kind::directional, .direction = {-0.6, 0, -0.8}, .intensity = Rgb(5)};
+}
+
 // Terminated, missed, backs, absorbed and cut are all there is.
 inline void expectAccounted(const FactorRun& run, const std::string& what) {
   for (uint32_t i = 0; i < run.patches.size(); ++i) {
