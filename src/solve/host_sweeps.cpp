@@ -12,6 +12,13 @@ namespace {
 
 constexpr double kWellBelow = 0.3;
 
+// What is gathered of floats errs by so much of it, which stays in the residual: they are read where that is well below what may
+// be left.
+Reading readingOf(double gathered, double left) {
+  constexpr double kFloatRounding = 2e-7;
+  return kFloatRounding * gathered < kWellBelow * left ? Reading::inFloat : Reading::inDouble;
+}
+
 constexpr size_t kBlock = 128;  // rows that Gauss-Seidel gathers together
 
 // Calls `use(place, factor)` for parts of entries of row i that lie in the block (ascending patches).
@@ -92,16 +99,13 @@ HostSweeps::HostSweeps(const System& system, const PatchSet& patches) : system_(
 // directions do. Where it is far from that they may not: after so many steps that have not halved the residual it is stuck.
 Reflections HostSweeps::conjugateResiduals(const Channels& r, size_t mostSweeps, const Goal& goal) {
   constexpr size_t kDirections = 8, kPatience = 64;
-  constexpr double kMargin = 0.7, kRounding = 1e-14, kFloatRounding = 2e-7;
+  constexpr double kMargin = 0.7, kRounding = 1e-14;
   if (mostSweeps < 2) return {Channels::Zero(r.rows(), 3), {largest(r)}};
   Reflections result{Channels::Zero(r.rows(), 3), {largest(r)}};
   // A residual hides an error of up to 1 / (1 - radius) of it.
   const auto leftWhere = [&](double radius) { return kMargin * (1 - radius) * goal(result.sum, result.changes.size() - 1); };
   const auto enough = [&] { return result.changes.back() <= leftWhere(result.radius); };
-  // What rounding adds to the residual stays there: floats are read from where that is well below what may be left.
-  const auto reading = [&] {
-    return kFloatRounding * result.changes.back() < kWellBelow * leftWhere(system_.bound) ? Reading::inFloat : Reading::inDouble;
-  };
+  const auto reading = [&] { return readingOf(result.changes.back(), leftWhere(system_.bound)); };
   // What lies on black patches is reflected once, and is no part of the residual afterwards.
   Channels residual = system_.reflectOnce(Field(r, reading()));
   result.changes.push_back(largest(residual));
@@ -223,11 +227,14 @@ Reflections HostSweeps::reflections(SolverKind kind, const Channels& r, size_t m
   if (kind == SolverKind::conjugateResiduals) return conjugateResiduals(r, mostSweeps, goal);
   Field d(r);
   Reflections result{Channels::Zero(r.rows(), 3), {largest(r)}};
+  double enough = goal(result.sum, 0), reflected = system_.bound * result.changes[0];  // at most
   for (bool more = result.changes.size() < mostSweeps; more;) {
+    d.readIn(readingOf(reflected, (1 - system_.bound) * enough));
     result.changes.push_back(kind == SolverKind::gaussSeidel ? gaussSeidel(r, d) : jacobi(r, d));
     result.sum = d.columns() - r;
-    more = sweepsMissing(result.changes, kWellBelow * goal(result.sum, result.changes.size() - 1)) > 0 &&
-           result.changes.size() < mostSweeps;
+    reflected = largest(result.sum);
+    enough = goal(result.sum, result.changes.size() - 1);
+    more = sweepsMissing(result.changes, kWellBelow * enough) > 0 && result.changes.size() < mostSweeps;
   }
   return result;
 }

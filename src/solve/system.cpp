@@ -28,6 +28,12 @@ void Field::add(const Channels& change) {
   pack();
 }
 
+void Field::readIn(Reading reading) {
+  if (reading == reading_) return;
+  reading_ = reading;
+  pack();
+}
+
 void Field::pack() {
   alike_ = columns_.col(0) == columns_.col(1) && columns_.col(0) == columns_.col(2);
   const size_t channels = alike_ ? 1 : 3, numbers = (alike_ ? 1 : 4) * (static_cast<size_t>(columns_.rows()) + 1);

@@ -27,6 +27,7 @@ class Field {
   void assign(const Channels& values, Reading reading);
   void set(Eigen::Index i, const Eigen::RowVector3d& value);
   void add(const Channels& change);
+  void readIn(Reading reading);
   const Channels& columns() const { return columns_; }
   bool alike() const { return alike_; }
 
