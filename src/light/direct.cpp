@@ -29,6 +29,7 @@ struct DirectIrradiance::Receiver {
   std::vector<Piece> pieces;  // of the patch: origins are spread over them by area; none: all at the centre
   bool bent = false;          // pieces have normals of their own
   bool partlyCovered = false;
+  double tries = 1;  // points to draw for one on the exposed part, about
   uint32_t block = 0;
   uint64_t seed = 0;
 };
@@ -84,9 +85,11 @@ DirectIrradiance::Receiver DirectIrradiance::receiverOf(uint32_t patch, double e
   r.block = seat.block;
   r.seed = mixBits(static_cast<uint64_t>(seat.turn * 1e15));
   r.partlyCovered = exposed < 1;
+  r.tries = std::min(1 / exposed, 1.0 * SampleTable::kBlocks);
   r.pieces = piecesOf(facets_, patches_, patch);
   r.bent = std::any_of(r.pieces.begin(), r.pieces.end(), [&](const Piece& piece) { return piece.normal != p.normal; });
-  r.points = positionsOn(facets_, patches_, patch, r.partlyCovered ? 64 : r.pieces.size() == 1 ? 4 : 16, r.seed);
+  const int side = 8 * static_cast<int>(std::ceil(std::sqrt(r.tries)));
+  r.points = positionsOn(facets_, patches_, patch, r.partlyCovered ? side * side : r.pieces.size() == 1 ? 4 : 16, r.seed);
   if (r.partlyCovered) r.points = exposedPositions(tracer_, facets_, r.points, r.normal);
   return r;
 }
@@ -247,11 +250,15 @@ class Rounds {
     sum.all += kernel;
     if (visible) sum.seen += kernel;
   }
-  bool empty() const { return total().all <= 0; }
-  double share() const { return total().seen / total().all; }
+  // Half of it where no ray could tell, give or take that much.
+  double share() const {
+    const Sum t = total();
+    return t.all > 0 ? t.seen / t.all : 0.5;
+  }
   // Of the share, of all rounds together.
   double variance() const {
     const double mean = share();
+    if (total().all <= 0) return mean * mean;
     double squares = 0;
     for (const Sum& sum : sums_) squares += sum.all > 0 ? std::pow(sum.seen / sum.all - mean, 2) : 0;
     return squares / (kRounds - 1) * std::pow(kRounds, -2 * kSampleOrder);
@@ -295,7 +302,7 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
       pooled += source.irradiance;
       continue;
     }
-    const auto count = static_cast<uint32_t>(std::lround(rays * source.weight / total));
+    const auto count = static_cast<uint32_t>(std::lround(r.tries * rays * source.weight / total));
     for (uint32_t lane = 0; lane < kPacketSize; ++lane) visibility.aim(lane, source);
     Rounds sums(count);
     bool hidden = false, seen = false;
@@ -311,12 +318,11 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
       blocked |= hidden;
       open |= seen;
     }
-    if (sums.empty()) continue;
     e.irradiance += sums.share() * source.irradiance;
     variance += source.irradiance * source.irradiance * sums.variance();
   }
   if (!pool.empty()) {
-    const auto count = static_cast<uint32_t>(std::ceil(std::max(kFewestRays, rays * pooledWeight / total)));
+    const auto count = static_cast<uint32_t>(std::ceil(r.tries * std::max(kFewestRays, rays * pooledWeight / total)));
     const double offset = unitFromBits(mixBits(r.seed + r.block));
     size_t at = 0;
     double before = 0;
@@ -337,10 +343,8 @@ DirectIrradiance::Estimate DirectIrradiance::gather(const Receiver& r, uint32_t 
         if (!visibility.sourceOf(lane).isImage()) (visible ? open : blocked) = true;
       });
     }
-    for (int c = 0; c < 3; ++c) {
-      if (all[c] > 0) e.irradiance[c] += pooled[c] * seen[c] / all[c];
-    }
-    if (!sums.empty()) variance += pooled * pooled * sums.variance();
+    for (int c = 0; c < 3; ++c) e.irradiance[c] += pooled[c] * (all[c] > 0 ? seen[c] / all[c] : sums.share());
+    variance += pooled * pooled * sums.variance();
   }
   e.partly = imagePartly || (blocked && open);
   e.deviation = glm::sqrt(variance);

@@ -10,7 +10,8 @@
 namespace farol {
 
 struct DirectOptions {
-  // S per patch; four times as many where neighbours see a lamp partly, a fourth (16 or more) where they agree.
+  // S per patch; four times as many where neighbours see a lamp partly, a fourth (16 or more) where they agree. Where something
+  // stands on a patch, up to 16 times as many are drawn, so that about as many start on what is exposed.
   uint32_t shadowRays = 64;
   uint64_t seed = 1;
   const PlanarMirrors* mirrors = nullptr;  // that images among the lamps name
