@@ -3,12 +3,17 @@
 
 #include "cli/adapting.h"
 
+#include <cmath>
+
 namespace farol {
 
 // The error of a trial or a finished run by its patches, and the power of their size that it falls with. Joining two by two and
 // four by four (joiningError) shows by how much the errors of two and four times the size are larger: e (2^p - 1), e (4^p - 1).
 struct PatchSizeError {
   double error = 0, order = 1;
+  double finer = 1;  // the power towards smaller patches, at most `order`
+
+  double at(double times) const { return error * std::pow(times, times < 1 ? finer : order); }  // of patches so many times the size
 };
 PatchSizeError patchErrorOf(const FormFactorMatrix& f, const PatchSet& patches, const FacetSet& facets, const Lighting& lighting);
 

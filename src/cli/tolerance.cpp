@@ -35,7 +35,7 @@ class Planner {
     const size_t count = tolerance_ >= kTight ? kFewTried : tolerance_ >= 0.004 ? 1000 : 2500;
     considerClusters(count);
     if (!triedEnough(count)) chooseFrom(count);
-    considerAdapting();
+    if (!plan_.adapted) considerAdapting();
     plan_.choosing = watch_.seconds();
     // Rows made again to tell the error, and what no scene is too small for.
     constexpr double kAgain = 1.1, kLeastSeconds = 0.006;
@@ -79,15 +79,19 @@ class Planner {
            plan_.seconds < trial_.secondsFor(static_cast<double>(count), trialFor(tolerance_));
   }
 
-  // From a trial of so many patches, and of more where many more are wanted than were tried.
+  // From a trial of so many patches, and of more where many more are wanted than were tried, unless that takes long beside patches
+  // of several sizes.
   void chooseFrom(size_t count) {
+    constexpr size_t kFar = 6;
+    constexpr double kLong = 0.12;
     for (int round = 0; round < 3; ++round) {
       measure(count, tolerance_);
       choose();
       const auto wanted = static_cast<size_t>(patches_);
-      constexpr size_t kFar = 6;
       if (fixedPatches() || wanted < kFar * trial_.patches || trial_.patches >= kMostTried) break;
       count = std::min(kMostTried, wanted / 2);
+      const double more = trial_.secondsFor(static_cast<double>(count), trial_.setting);
+      if (considerAdapting() && more > kLong * plan_.seconds) break;
     }
   }
 
@@ -206,6 +210,8 @@ class Planner {
     double best = -1, aim = target;
     while ((best = cheapest(counts, aim, bestSetting)) < 0 && aim < kMost) aim *= kNext;
     plan_.limitedBy.clear();
+    plan_.adapted.reset();
+    plan_.adapt = 0;
     if (best < 0) {  // not even the trial's patches fit
       patches_ = std::max(smallest, 100.0);
       bestSetting = trial_.setting;
@@ -223,32 +229,34 @@ class Planner {
   }
 
   // Patches as small as their light asks for, where they are predicted to cost so much less that a trial of them pays.
-  void considerAdapting() {
+  bool considerAdapting() {
     const bool limited = plan_.limitedBy == "memory" || plan_.limitedBy == "time";  // what was chosen does not meet the tolerance
     const double whole = limited ? allowedSeconds() : plan_.seconds, most = limited ? whole : kWorthAdapting * whole;
-    if (!mayAdapt(options_) || cluster_ > 0) return;
+    if (!mayAdapt(options_) || cluster_ > 0) return false;
     const Options options = adaptingOptions(options_, plan_.setting);
     const AdaptTrial trial = adaptTrialOf(options, scene_, facets_, plan_.setting.spec);
-    if (trial.level == 0 || trial_.secondsFor(static_cast<double>(trial.patches), trial.setting) > kWorthATrial * whole) return;
-    const Adapting a = adaptTo(options, scene_, facets_, plan_.setting.spec);
-    if (!isUsable(a, options, scene_, facets_)) return;
-    const auto n = static_cast<double>(a.adapted.patches);
+    if (trial.level == 0 || trial_.secondsFor(static_cast<double>(trial.patches), trial.setting) > kWorthATrial * whole)
+      return false;
+    if (!adapting_) adapting_ = adaptTo(options, scene_, facets_, plan_.setting.spec);
+    if (!isUsable(*adapting_, options, scene_, facets_)) return false;
+    const auto n = static_cast<double>(adapting_->adapted.patches);
     Setting s = trial_.setting;
     s.residual = plan_.setting.residual;
     setSamples(s, std::sqrt(std::pow(kMargin * tolerance_, 2) - std::pow(options.adapt, 2) - s.residual * s.residual));
     const double seconds = trial_.secondsFor(n, s);
     ErrorParts predicted = trial_.errorFor(n, s);
     predicted.patches = options.adapt;
-    if (seconds > most || predicted.total() > tolerance_ || !fits(n, s)) return;
+    if (seconds > most || predicted.total() > tolerance_ || !fits(n, s)) return false;
     ofOneSize_ = patches_;
     patches_ = n;
-    plan_.size = a.size;
+    plan_.size = adapting_->size;
     plan_.adapt = options.adapt;
-    plan_.adapted = a;
+    plan_.adapted = adapting_;
     plan_.setting = s;
     plan_.seconds = seconds;
     plan_.predicted = predicted;
     plan_.limitedBy.clear();
+    return true;
   }
 
   // Rows and shadow rays share what the patches leave of the error so that time for more of either is worth the same.
@@ -358,6 +366,7 @@ class Planner {
   TolerancePlan plan_;
   Setting given_;
   TrialLaws trial_;
+  std::optional<Adapting> adapting_;    // where patches of several sizes were tried
   double cluster_ = 0, trialSize_ = 0;  // as --cluster; the trial's cell size where that is not 0
   double patches_ = 0, ofOneSize_ = 0;
   std::string lampsWhy_;

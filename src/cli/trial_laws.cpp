@@ -30,7 +30,7 @@ void TrialLaws::learnCosts(const Trial& trial) {
 
 ErrorParts TrialLaws::errorFor(double n, const Setting& s) const {
   ErrorParts e;
-  e.patches = patchError.error * std::pow(n / static_cast<double>(patches), -patchError.order / perSize);
+  e.patches = patchError.at(std::pow(n / static_cast<double>(patches), -1 / perSize));
   e.rows = rowError * std::pow(worthOf(s.spec) / worthOf(setting.spec), -orderOf(s.spec));
   e.light = lightError * std::pow(worthOf(s.shadowRays) / worthOf(setting.shadowRays), -kSampleOrder);
   e.sweeps = s.residual;

@@ -90,7 +90,10 @@ DirectIrradiance::Receiver DirectIrradiance::receiverOf(uint32_t patch, double e
   r.bent = std::any_of(r.pieces.begin(), r.pieces.end(), [&](const Piece& piece) { return piece.normal != p.normal; });
   const int side = 8 * static_cast<int>(std::ceil(std::sqrt(r.tries)));
   r.points = positionsOn(facets_, patches_, patch, r.partlyCovered ? side * side : r.pieces.size() == 1 ? 4 : 16, r.seed);
-  if (r.partlyCovered) r.points = exposedPositions(tracer_, facets_, r.points, r.normal);
+  if (r.partlyCovered) {
+    std::vector<Position> onExposed = exposedPositions(tracer_, facets_, r.points, r.normal);
+    if (!onExposed.empty()) r.points = std::move(onExposed);
+  }
   return r;
 }
 

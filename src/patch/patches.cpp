@@ -191,7 +191,7 @@ std::vector<uint32_t> joinedTo(const PatchSet& wider, const PatchSet& patches, c
   return joined;
 }
 
-std::vector<uint32_t> joinedCells(const PatchSet& patches, const FacetSet& facets, uint32_t along) {
+std::vector<uint32_t> joinedCells(const PatchSet& patches, const FacetSet& facets, uint32_t along, uint32_t before) {
   std::vector<uint32_t> map(patches.cells.size());
   std::vector<uint32_t> numbers;  // of one facet's joined cells, on the side at hand
   uint32_t next = 0, facet = kNone;
@@ -200,7 +200,8 @@ std::vector<uint32_t> joinedCells(const PatchSet& patches, const FacetSet& facet
     const Cell& cell = patches.cells[c];
     const bool parallelogram = facets.facets[cell.facet].parallelogram;
     const CellGrid& grid = patches.grids[cell.facet];
-    const CellGrid joined{(grid.nu + along - 1) / along, (grid.nv + along - 1) / along, 0, kNone};
+    const uint32_t shift = parallelogram ? before : 0;
+    const CellGrid joined{(grid.nu + shift + along - 1) / along, (grid.nv + shift + along - 1) / along, 0, kNone};
     if (cell.facet != facet || cell.back != back) {
       facet = cell.facet;
       back = cell.back;
@@ -208,7 +209,8 @@ std::vector<uint32_t> joinedCells(const PatchSet& patches, const FacetSet& facet
     }
     // A triangle's cells make no whole rows where their number is no multiple: each goes where its centre lies.
     const Vec2 centre = cellPoint(grid, false, cell, 1.0 / 3, 1.0 / 3);
-    const uint32_t at = parallelogram ? cell.v / along * joined.nu + cell.u / along : cellAt(joined, false, centre.x, centre.y);
+    const uint32_t at =
+        parallelogram ? (cell.v + shift) / along * joined.nu + (cell.u + shift) / along : cellAt(joined, false, centre.x, centre.y);
     if (numbers[at] == kNone) numbers[at] = next++;
     map[c] = numbers[at];
   }

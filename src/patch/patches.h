@@ -90,7 +90,8 @@ PatchSet buildPatches(const Scene& scene, const FacetSet& facets, const PatchOpt
 void mapCells(PatchSet& patches, const Scene& scene, const FacetSet& facets, std::vector<uint32_t> cellMap);
 
 // The cell map that joins `along` by `along` cells of every facet's side to one patch: patches of about so many times the size.
-std::vector<uint32_t> joinedCells(const PatchSet& patches, const FacetSet& facets, uint32_t along);
+// Those of a parallelogram begin `before` cells before its corner, fewer than `along`.
+std::vector<uint32_t> joinedCells(const PatchSet& patches, const FacetSet& facets, uint32_t along, uint32_t before = 0);
 
 // The cell map that gathers facets of a single cell, `size` wide at most [scene units], as PatchOptions::cluster says: of
 // mirrors, clear glass and emitters none.

@@ -289,8 +289,7 @@ TEST(TrialLaws, CarryATrialToOtherSettings) {
   laws.patches = 1000;
   laws.setting.spec.rays = 256;
   laws.setting.shadowRays = 64;
-  laws.patchError.error = 0.01;
-  laws.patchError.order = 1.5;
+  laws.patchError = {0.01, 1.5, 1.1};
   laws.rowError = 0.02;
   laws.lightError = 0.03;
   laws.perSample = 1e-7;
@@ -301,7 +300,8 @@ TEST(TrialLaws, CarryATrialToOtherSettings) {
   s.spec.rays = 1024;
   s.shadowRays = 512;
   const ErrorParts e = laws.errorFor(4000, s);  // cells half as large, four and eight times the rays
-  EXPECT_NEAR(e.patches, 0.01 * std::pow(2, -1.5), 1e-12);
+  EXPECT_NEAR(e.patches, 0.01 * std::pow(2, -1.1), 1e-12);
+  EXPECT_NEAR(laws.errorFor(250, s).patches, 0.01 * std::pow(2, 1.5), 1e-12);
   EXPECT_NEAR(e.rows, 0.02 * std::pow(4, -0.65), 1e-12);
   EXPECT_NEAR(e.light, 0.03 * std::pow(8, -kSampleOrder), 1e-12);
   EXPECT_EQ(laws.bytesFor(4000, s), 4000 * 4 * 1024);         // lists of hits
@@ -314,6 +314,32 @@ TEST(TrialLaws, CarryATrialToOtherSettings) {
   EXPECT_EQ(laws.shadowWork(96), 5 * 96);
   laws.images = 50;  // the trial had as many
   EXPECT_EQ(laws.shadowWork(512), 5 * 512);
+}
+
+// What a trial foretells of four times as many patches those tell themselves: in a box where only patches differ from each other,
+// in a room with an edge of shadow and in one with a gap behind a mirror that is thinner than any of them.
+TEST(PatchSizeError, OfATrialIsThatOfSmallerPatches) {
+  for (const char* name : {"cornell_box/cornell_box.gltf", "l_room/l_room.gltf", "mirrors_and_glass/mirror_room.gltf"}) {
+    Options options;
+    options.command = Command::solve;
+    options.scene = std::string(FAROL_SCENES) + "/" + name;
+    Log log = Log::silent();
+    const Scene scene = loadScene(options.scene, log);
+    const FacetSet facets = buildFacets(scene, log);
+    Setting setting;
+    setting.spec.rays = 1024;
+    setting.shadowRays = 256;
+    const auto errorAt = [&](size_t count) {
+      SizedScene sized(options, scene, facets, {count, 0});
+      const Trial trial = sized.solve(setting);
+      return std::pair{patchErrorOf(trial.f, sized.patches(), facets, trial.lighting), static_cast<double>(sized.patches().size())};
+    };
+    const auto [few, n] = errorAt(1000);
+    const auto [many, m] = errorAt(4000);
+    const double foretold = few.at(std::sqrt(n / m));
+    EXPECT_GT(foretold, many.error / 1.5) << name;
+    EXPECT_LT(foretold, many.error * 1.5) << name;
+  }
 }
 
 // What they learn from a trial they tell of its own setting, and of twice the samples twice the rows' time.

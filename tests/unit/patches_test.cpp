@@ -211,6 +211,11 @@ TEST(Patches, JoinToLargerOnes) {
   for (uint32_t p = 0; p < fine.patches.size(); ++p)
     EXPECT_EQ(known.try_emplace(byTwo[fine.patches.cellsOf(p)[0]], joined[p]).first->second, joined[p]);
   EXPECT_EQ(known.size(), wide.patches.size());
+  // From a cell before the corners: sides of 8, 16 and 24 cells make 5, 9 and 13, and the first cell is by itself.
+  const std::vector<uint32_t> shifted = joinedCells(fine.patches, fine.facets, 2, 1);
+  EXPECT_EQ(std::set<uint32_t>(shifted.begin(), shifted.end()).size(), 2u * (5 * 9 + 5 * 13 + 9 * 13));
+  EXPECT_NE(shifted[0], shifted[1]);
+  EXPECT_EQ(shifted[1], shifted[2]);
   PatchOptions options{1, 0.4};
   options.cluster = 15;
   const Cut ball(loadSurfaces({bumpyBall(2000, {0, 0, 1.2})}), options);
