@@ -2,6 +2,7 @@
 
 #include "base/error.h"
 #include "base/point_welder.h"
+#include "patch/contacts.h"
 
 #include <algorithm>
 #include <map>
@@ -50,6 +51,7 @@ class FacetBuilder {
     for (uint32_t s = 0; s < scene_.surfaces.size(); ++s) addSurface(s);
     set_.points = welder_.points();
     set_.welded = welder_.movedCount();
+    divideAtContacts();
     return std::move(set_);
   }
 
@@ -107,7 +109,8 @@ class FacetBuilder {
       used[i] = true;
       const Triangle& t = triangles[i];
       bool merged = false;
-      for (size_t k = 0; k < 3 && !merged; ++k) {  // apex k, diagonal opposite to it
+      for (const size_t k : longestFirst(t)) {  // apex k, diagonal opposite to it
+        if (merged) break;
         const auto it = byEdge.find(edge(t.corners[(k + 2) % 3], t.corners[(k + 1) % 3]));
         if (it == byEdge.end() || used[it->second]) continue;
         merged = tryPair(surfaceIndex, t, k, triangles[it->second]);
@@ -115,6 +118,15 @@ class FacetBuilder {
       }
       if (!merged) addTriangle(surfaceIndex, t);
     }
+  }
+
+  // Corners by the length of the opposite side: the diagonal of a rectangle is the longest, and in a row of rectangles a
+  // triangle may make a parallelogram with one of the next rectangle too.
+  std::array<size_t, 3> longestFirst(const Triangle& t) const {
+    std::array<size_t, 3> apexes = {0, 1, 2};
+    const auto opposite = [&](size_t k) { return glm::distance(point(t.corners[(k + 1) % 3]), point(t.corners[(k + 2) % 3])); };
+    std::stable_sort(apexes.begin(), apexes.end(), [&](size_t a, size_t b) { return opposite(a) > opposite(b); });
+    return apexes;
   }
 
   void addTriangle(uint32_t surfaceIndex, const Triangle& t) {
@@ -163,6 +175,42 @@ class FacetBuilder {
     return true;
   }
 
+  // Facets that lie on each other must be divided alike, or not at all.
+  void divideAtContacts() {
+    if (set_.hasTwins) return;
+    const std::vector<ContactLines> lines = contactLines(set_);
+    const std::vector<Facet> whole = std::move(set_.facets);
+    set_.facets.clear();
+    for (size_t f = 0; f < whole.size(); ++f) divide(whole[f], lines[f]);
+    set_.points = welder_.points();
+  }
+
+  void divide(const Facet& whole, const ContactLines& lines) {
+    if (lines.u.empty() && lines.v.empty()) return set_.facets.push_back(whole);
+    const auto between = [](const std::vector<double>& cuts) {
+      std::vector<double> ends = {0};
+      ends.insert(ends.end(), cuts.begin(), cuts.end());
+      ends.push_back(1);
+      return ends;
+    };
+    const std::vector<double> u = between(lines.u), v = between(lines.v);
+    const std::array<Vec3, 4> corner = {point(whole.corners[0]), point(whole.corners[1]), point(whole.corners[2]),
+                                        point(whole.corners[3])};
+    const auto at = [&](double x, double y) {  // on the sides exactly, though four corners are never quite a parallelogram's
+      return welder_.add((1 - y) * ((1 - x) * corner[0] + x * corner[1]) + y * ((1 - x) * corner[3] + x * corner[2]));
+    };
+    for (size_t j = 0; j + 1 < v.size(); ++j) {
+      for (size_t i = 0; i + 1 < u.size(); ++i) {
+        Facet part = whole;
+        part.corners = {at(u[i], v[j]), at(u[i + 1], v[j]), at(u[i + 1], v[j + 1]), at(u[i], v[j + 1])};
+        part.start = {u[i], v[j]};
+        part.extent = {u[i + 1] - u[i], v[j + 1] - v[j]};
+        part.area = whole.area * part.extent.x * part.extent.y;
+        set_.facets.push_back(part);
+      }
+    }
+  }
+
   Facet newFacet(uint32_t surfaceIndex) const {
     Facet f;
     f.surface = surfaceIndex;
@@ -205,7 +253,10 @@ FacetSet buildFacets(const Scene& scene, Log& log) {
 
 PointAttributes attributesAt(const Surface& surface, const Facet& facet, double u, double v) {
   const uint32_t o = facet.vertices[0], pu = facet.vertices[1], pv = facet.vertices[facet.parallelogram ? 3 : 2];
-  const auto blend = [&](const auto& values) { return values[o] + u * (values[pu] - values[o]) + v * (values[pv] - values[o]); };
+  const Vec2 in = facet.inVertices(u, v);
+  const auto blend = [&](const auto& values) {
+    return values[o] + in.x * (values[pu] - values[o]) + in.y * (values[pv] - values[o]);
+  };
   PointAttributes at;
   for (size_t set = 0; set < 2; ++set) {
     if (!surface.texcoords[set].empty()) at.uv[set] = blend(surface.texcoords[set]);

@@ -1,5 +1,6 @@
 // Flat pieces of the scene with an affine (u,v): triangles, and parallelograms made of two triangles.
-// Geometry is never subdivided further; patches live in (u,v) (patches.h).
+// Geometry is never subdivided further, but for large parallelograms along lines at which something opaque touches them
+// (contacts.h); patches live in (u,v) (patches.h).
 #pragma once
 
 #include "base/log.h"
@@ -35,12 +36,14 @@ struct Facet {
   // for a parallelogram 2 (1,1) and 3 (0,1).
   std::array<uint32_t, 4> corners{};   // welded points, indices into FacetSet::points
   std::array<uint32_t, 4> vertices{};  // the surface's own vertices, for attributes
+  Vec2 start{0}, extent{1};            // what part of the parallelogram of `vertices` the facet is, in that one's (u,v)
   Vec3 normal{0};                      // unit vector on the front side
   double area = 0;                     // [unit coordinates squared]
   double rayOffset = kRayOffset;       // rays that start on it start this far in front of it [unit coordinates]
 
   size_t cornerCount() const { return parallelogram ? 4 : 3; }
   uint32_t vCorner() const { return corners[parallelogram ? 3 : 2]; }  // the corner at (0,1)
+  Vec2 inVertices(double u, double v) const { return start + Vec2(u, v) * extent; }
 };
 
 struct FacetSet {
@@ -61,7 +64,7 @@ struct FacetSet {
 // Vertices closer than this are one [unit coordinates]; a few float32 spacings of the largest coordinate.
 inline constexpr double kWeldTolerance = 1e-6;
 
-// Throws Error when no triangle with an area is left.
+// Divides parallelograms along the contactLines. Throws Error when no triangle with an area is left.
 FacetSet buildFacets(const Scene& scene, Log& log);
 
 // Attributes of the surface at (u,v) of a facet, for Material::evaluate.

@@ -131,7 +131,8 @@ class Builder {
     const Surface& s = scene_.surfaces[f.surface];
     if (s.normals.empty()) return f.normal;
     const Vec3 &o = s.normals[f.vertices[0]], &a = s.normals[f.vertices[1]], &b = s.normals[f.vertices[f.parallelogram ? 3 : 2]];
-    const Vec3 n = o + u * (a - o) + v * (b - o);
+    const Vec2 in = f.inVertices(u, v);
+    const Vec3 n = o + in.x * (a - o) + in.y * (b - o);
     const double length = glm::length(n);
     return length > 0 && glm::dot(n, f.normal) > 0 ? n / length : f.normal;
   }

@@ -63,6 +63,25 @@ TEST(DirectLight, OfALampIsTheClosedFormWhereNothingBlocks) {
   }
 }
 
+// A plate just above the floor: patches as large as the plate are in the light or under it, and none is in both. A grid that
+// knows nothing of the plate would leave three quarters of the light in every patch.
+TEST(DirectLight, EndsBetweenPatchesWhereAPlateNearlyTouches) {
+  const std::vector<TestSurface> surfaces{
+      {"floor", {rectangle(0, 0, 4, 4, 0)}},
+      {"plate", {rectangle(1, 1, 3, 3, 0.002)}, Rgb(0), Rgb(0), true},
+      {"lamp", {{{1.5, 1.5, 4}, {1.5, 2.5, 4}, {2.5, 2.5, 4}, {2.5, 1.5, 4}}}, Rgb(0), Rgb(100)}};
+  RayRun run(loadSurfaces(surfaces), {0, 2}, {});
+  const DirectLight d = directLight(run, {}, {.shadowRays = 1024});
+  const UnoccludedFactor exact(run.facets, run.patches);
+  const uint32_t lamp = run.patchesOf("lamp")[0];
+  ASSERT_EQ(run.patchesOf("floor").size(), 9u);
+  for (const uint32_t i : run.patchesOf("floor")) {
+    const bool under = glm::distance(run.patches.patches[i].centre, Vec3(2, 2, 0)) < 0.1;
+    const double h = 100 * exact(i, lamp, 16);
+    EXPECT_NEAR(d.irradiance[i].r, under ? 0 : h, 0.003 * h) << i;
+  }
+}
+
 // Two slopes of 20 degrees, the left one of twice the area, as one patch: the mean over both of what each gets by its own
 // normal, from the sun, from a lamp, and along rays.
 TEST(DirectLight, OfABentPatchIsTheMeanOverItsPieces) {
@@ -166,7 +185,10 @@ TEST(DirectLight, OfAPartlyCoveredPatchIsThatOfItsExposedPart) {
     const auto wall = [&](const Vec3& a, const Vec3& b) {
       return std::vector<Vec3>{{a.x, a.y, 0}, {b.x, b.y, 0}, {b.x, b.y, c.high.z}, {a.x, a.y, c.high.z}};
     };
-    const Vec3 p = c.low, q(c.high.x, c.low.y, 0), r = c.high, s(c.low.x, c.high.y, 0);
+    // Turned a hair, or the floor would be divided along it.
+    constexpr double kTurn = 0.002;
+    const Vec3 p = c.low + Vec3(kTurn, 0, 0), q(c.high.x, c.low.y + kTurn, 0), r = c.high - Vec3(kTurn, 0, 0),
+               s(c.low.x, c.high.y - kTurn, 0);
     surfaces.push_back(
         {"block",
          {wall(p, q), wall(q, r), wall(r, s), wall(s, p), {{p.x, p.y, r.z}, {q.x, q.y, r.z}, {r.x, r.y, r.z}, {s.x, s.y, r.z}}}});

@@ -19,10 +19,6 @@ Polygon flipped(Polygon p) {
   return p;
 }
 
-Polygon rectangle(double x0, double y0, double x1, double y1, double z) {  // seen from above
-  return {{x0, y0, z}, {x1, y0, z}, {x1, y1, z}, {x0, y1, z}};
-}
-
 // Factors between surfaces as the program writes them, and what it said.
 struct Factors {
   Factors(const std::vector<TestSurface>& surfaces, const std::string& options, const Placement& placement = {}) {

@@ -131,6 +131,10 @@ Scene loadSurfaces(const std::vector<TestSurface>& surfaces, const Placement& pl
   return loadScene(path, log);
 }
 
+std::vector<Vec3> rectangle(double x0, double y0, double x1, double y1, double z) {
+  return {{x0, y0, z}, {x1, y0, z}, {x1, y1, z}, {x0, y1, z}};
+}
+
 std::vector<TestSurface> closedBox(const Vec3& s, const Rgb& reflectance, const Rgb& emission) {
   const auto corner = [&](int x, int y, int z) { return Vec3(x * s.x, y * s.y, z * s.z); };
   const auto face = [&](const char* name, std::vector<Vec3> polygon) {

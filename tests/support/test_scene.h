@@ -53,6 +53,9 @@ std::vector<std::vector<std::string>> readCsv(const std::string& path);  // [lin
 
 Scene loadSurfaces(const std::vector<TestSurface>& surfaces, const Placement& placement = {});
 
+// Axis-parallel, seen from above.
+std::vector<Vec3> rectangle(double x0, double y0, double x1, double y1, double z);
+
 // Axis-parallel closed box with inward faces x0, x1, y0, y1, z0, z1.
 std::vector<TestSurface> closedBox(const Vec3& size, const Rgb& reflectance = Rgb(0.5), const Rgb& emission = Rgb(0));
 
