@@ -1,6 +1,7 @@
 #include "patch/contacts.h"
 
 #include <algorithm>
+#include <numeric>
 #include <optional>
 
 namespace farol {
@@ -35,8 +36,8 @@ class Plane {
   Vec3 origin_, u_, v_, normal_;
 };
 
-struct Line {
-  double at, height;
+struct Found {
+  double at, height, from, to;  // along it
 };
 
 class LinesOfFacet {
@@ -78,24 +79,26 @@ class LinesOfFacet {
   void addSegment(const Vec3& from, const Vec3& to, double height) {
     const Vec2 a = plane_.place(from), b = plane_.place(to);
     for (const int across : {0, 1}) {  // the coordinate that stays the same
-      const double along =
-          std::min(std::max(a[1 - across], b[1 - across]), 1.0) - std::max(std::min(a[1 - across], b[1 - across]), 0.0);
-      if (std::abs(a[across] - b[across]) * sides_[across] <= kStraight && along >= kLeastShare)
-        (across == 0 ? u_ : v_).push_back({0.5 * (a[across] + b[across]), height});
+      const double low = std::clamp(std::min(a[1 - across], b[1 - across]), 0.0, 1.0);
+      const double high = std::clamp(std::max(a[1 - across], b[1 - across]), 0.0, 1.0);
+      if (std::abs(a[across] - b[across]) * sides_[across] <= kStraight && high - low >= kLeastShare)
+        (across == 0 ? u_ : v_).push_back({0.5 * (a[across] + b[across]), height, low, high});
     }
   }
 
-  // The nearest ones of those that lie too close together.
-  static std::vector<double> chosen(std::vector<Line>& found, double side) {
-    std::stable_sort(found.begin(), found.end(), [](const Line& a, const Line& b) { return a.height < b.height; });
-    std::vector<double> lines;
-    for (const Line& line : found) {
-      const auto apart = [&](double other) { return std::abs(line.at - other) * side >= kApart; };
-      if (line.at > 0 && line.at < 1 && apart(0) && apart(1) && std::all_of(lines.begin(), lines.end(), apart))
-        lines.push_back(line.at);
+  // Of lines that lie too close together the nearest to the facet, and along it what is along any of them.
+  static std::vector<ContactLine> chosen(std::vector<Found>& found, double side) {
+    std::stable_sort(found.begin(), found.end(), [](const Found& a, const Found& b) { return a.height < b.height; });
+    std::vector<ContactLine> lines;
+    for (const Found& f : found) {
+      const auto close = [&](double at) { return std::abs(f.at - at) * side < kApart; };
+      if (f.at <= 0 || f.at >= 1 || close(0) || close(1)) continue;
+      auto line = std::find_if(lines.begin(), lines.end(), [&](const ContactLine& l) { return close(l.at); });
+      if (line == lines.end()) line = lines.insert(line, {f.at, {}});
+      line->spans.emplace_back(f.from, f.to);
     }
     if (lines.size() > kMost) lines.clear();
-    std::sort(lines.begin(), lines.end());
+    std::sort(lines.begin(), lines.end(), [](const ContactLine& a, const ContactLine& b) { return a.at < b.at; });
     return lines;
   }
 
@@ -103,8 +106,16 @@ class LinesOfFacet {
   Plane plane_;
   Vec2 sides_;
   double lowest_;
-  std::vector<Line> u_, v_;
+  std::vector<Found> u_, v_;
 };
+
+// Whether something stands all along the line between two places on it, but for rounding and bevels.
+bool isCovered(const ContactLine& line, double from, double to) {
+  constexpr double kAlong = 0.95;
+  return std::any_of(line.spans.begin(), line.spans.end(), [&](const auto& span) {
+    return std::min(span.second, to) - std::max(span.first, from) >= kAlong * (to - from);
+  });
+}
 
 }  // namespace
 
@@ -121,6 +132,35 @@ std::vector<ContactLines> contactLines(const FacetSet& set) {
     result[f] = lines.lines();
   }
   return result;
+}
+
+std::vector<double> endsOf(const std::vector<ContactLine>& lines) {
+  std::vector<double> ends = {0};
+  for (const ContactLine& line : lines) ends.push_back(line.at);
+  ends.push_back(1);
+  return ends;
+}
+
+std::vector<uint32_t> regionsOf(const ContactLines& lines) {
+  const std::vector<double> u = endsOf(lines.u), v = endsOf(lines.v);
+  const size_t nu = u.size() - 1, nv = v.size() - 1;
+  std::vector<uint32_t> region(nu * nv);
+  std::iota(region.begin(), region.end(), 0);
+  bool changed = true;
+  const auto join = [&](uint32_t& a, uint32_t& b) {
+    changed |= a != b;
+    a = b = std::min(a, b);
+  };
+  while (changed) {
+    changed = false;
+    for (size_t j = 0; j < nv; ++j) {
+      for (size_t i = 0; i < nu; ++i) {
+        if (i + 1 < nu && !isCovered(lines.u[i], v[j], v[j + 1])) join(region[j * nu + i], region[j * nu + i + 1]);
+        if (j + 1 < nv && !isCovered(lines.v[j], u[i], u[i + 1])) join(region[j * nu + i], region[(j + 1) * nu + i]);
+      }
+    }
+  }
+  return region;
 }
 
 }  // namespace farol

@@ -186,14 +186,10 @@ class FacetBuilder {
   }
 
   void divide(const Facet& whole, const ContactLines& lines) {
-    if (lines.u.empty() && lines.v.empty()) return set_.facets.push_back(whole);
-    const auto between = [](const std::vector<double>& cuts) {
-      std::vector<double> ends = {0};
-      ends.insert(ends.end(), cuts.begin(), cuts.end());
-      ends.push_back(1);
-      return ends;
-    };
-    const std::vector<double> u = between(lines.u), v = between(lines.v);
+    if (lines.empty()) return set_.facets.push_back(whole);
+    ++divided_;
+    const std::vector<double> u = endsOf(lines.u), v = endsOf(lines.v);
+    const std::vector<uint32_t> regions = regionsOf(lines);
     const std::array<Vec3, 4> corner = {point(whole.corners[0]), point(whole.corners[1]), point(whole.corners[2]),
                                         point(whole.corners[3])};
     const auto at = [&](double x, double y) {  // on the sides exactly, though four corners are never quite a parallelogram's
@@ -206,6 +202,8 @@ class FacetBuilder {
         part.start = {u[i], v[j]};
         part.extent = {u[i + 1] - u[i], v[j + 1] - v[j]};
         part.area = whole.area * part.extent.x * part.extent.y;
+        part.whole = divided_;
+        part.region = regions[j * (u.size() - 1) + i];
         set_.facets.push_back(part);
       }
     }
@@ -225,6 +223,7 @@ class FacetBuilder {
   const Scene& scene_;
   PointWelder welder_;
   FacetSet set_;
+  uint32_t divided_ = 0;
   std::set<std::array<uint32_t, 3>> seen_;
 };
 

@@ -36,14 +36,18 @@ struct Facet {
   // for a parallelogram 2 (1,1) and 3 (0,1).
   std::array<uint32_t, 4> corners{};   // welded points, indices into FacetSet::points
   std::array<uint32_t, 4> vertices{};  // the surface's own vertices, for attributes
-  Vec2 start{0}, extent{1};            // what part of the parallelogram of `vertices` the facet is, in that one's (u,v)
-  Vec3 normal{0};                      // unit vector on the front side
-  double area = 0;                     // [unit coordinates squared]
-  double rayOffset = kRayOffset;       // rays that start on it start this far in front of it [unit coordinates]
+  // Of a divided parallelogram: its number from 1 on (0: not divided), what part of it the facet is in its (u,v), and the region:
+  // between two of them something stands all along the border.
+  uint32_t whole = 0, region = 0;
+  Vec2 start{0}, extent{1};
+  Vec3 normal{0};                 // unit vector on the front side
+  double area = 0;                // [unit coordinates squared]
+  double rayOffset = kRayOffset;  // rays that start on it start this far in front of it [unit coordinates]
 
   size_t cornerCount() const { return parallelogram ? 4 : 3; }
   uint32_t vCorner() const { return corners[parallelogram ? 3 : 2]; }  // the corner at (0,1)
   Vec2 inVertices(double u, double v) const { return start + Vec2(u, v) * extent; }
+  bool endsAt(const Facet& f) const { return whole == f.whole && region != f.region; }  // light does not go on smoothly
 };
 
 struct FacetSet {

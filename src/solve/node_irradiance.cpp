@@ -83,6 +83,7 @@ class Builder {
 
  private:
   struct Cluster {
+    const Facet* facet;  // the first one
     Vec3 shading, geometric;
     Sum sum, across;        // from cells around the point; from neighbours without a node here
     uint32_t next = kNone;  // another cluster at the same point
@@ -119,7 +120,7 @@ class Builder {
         const double u = static_cast<double>(i) / g.nu, v = static_cast<double>(j) / g.nv;
         const Vec3 p = facets_.point(f, u, v);
         const double sign = back ? -1 : 1;
-        const uint32_t cluster = clusterAt(p, sign * shadingNormal(f, u, v), sign * f.normal);
+        const uint32_t cluster = clusterAt(p, f, sign * shadingNormal(f, u, v), sign * f.normal);
         addCells(facet, back, u, v, clusters_[cluster].sum, cluster);
         const bool border = i == 0 || j == 0 || i == width || (f.parallelogram && j == g.nv);
         nodes_.push_back({cluster, facet, back, border, p});
@@ -137,14 +138,15 @@ class Builder {
     return length > 0 && glm::dot(n, f.normal) > 0 ? n / length : f.normal;
   }
 
-  uint32_t clusterAt(const Vec3& p, const Vec3& shading, const Vec3& geometric) {
+  uint32_t clusterAt(const Vec3& p, const Facet& facet, const Vec3& shading, const Vec3& geometric) {
     const uint32_t point = welder_.add(p);
     if (point == firstCluster_.size()) firstCluster_.push_back(kNone);
     for (uint32_t c = firstCluster_[point]; c != kNone; c = clusters_[c].next) {
-      if (glm::dot(clusters_[c].shading, shading) > kSmoothNormal && glm::dot(clusters_[c].geometric, geometric) > kSmoothFold)
+      if (glm::dot(clusters_[c].shading, shading) > kSmoothNormal && glm::dot(clusters_[c].geometric, geometric) > kSmoothFold &&
+          !clusters_[c].facet->endsAt(facet))
         return c;
     }
-    clusters_.push_back({shading, geometric, {}, {}, firstCluster_[point]});
+    clusters_.push_back({&facet, shading, geometric, {}, {}, firstCluster_[point]});
     firstCluster_[point] = static_cast<uint32_t>(clusters_.size() - 1);
     return firstCluster_[point];
   }

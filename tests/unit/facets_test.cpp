@@ -4,6 +4,7 @@
 #include "test_scene.h"
 
 #include <gtest/gtest.h>
+#include <set>
 
 namespace farol::test {
 namespace {
@@ -82,6 +83,22 @@ TEST(Facets, AreDividedAtLinesThatPayOnly) {
   EXPECT_EQ(count(floorAnd({{2, 1, -1}, {2, 3, -1}, {2, 3, 1}, {2, 1, 1}})), 3u);  // through the floor: both are
   EXPECT_EQ(count(floorAnd({{2, 1, -1}, {2, 1.5, -1}, {2, 1.5, 1}, {2, 1, 1}})), 1u);
   EXPECT_EQ(count({{"floor", {rectangle(0, 0, 4, 4, 0), rectangle(4, 0, 8, 4, 0)}}}), 1u);  // neighbours in one plane
+}
+
+TEST(Facets, TellWhatAPlateEnclosesOnly) {
+  const auto regions = [](const std::vector<TestSurface>& surfaces) {
+    const FacetSet set = facetsOf(surfaces);
+    std::set<uint32_t> found;
+    for (const Facet& f : set.facets) {
+      if (f.surface == 0) found.insert(f.region);
+    }
+    return found.size();
+  };
+  EXPECT_EQ(regions(floorAnd(rectangle(1, 1, 3, 3, 0.01))), 2u);
+  EXPECT_EQ(regions(floorAnd(rectangle(0, 1, 4, 3, 0.01))), 3u);                     // from wall to wall
+  EXPECT_EQ(regions(floorAnd({{2, 0, -1}, {2, 4, -1}, {2, 4, 1}, {2, 0, 1}})), 2u);  // a partition
+  EXPECT_EQ(regions(floorAnd({{2, 1, -1}, {2, 4, -1}, {2, 4, 1}, {2, 1, 1}})), 1u);  // but for a quarter
+  EXPECT_EQ(regions(floorAnd(rectangle(1, 1, 3, 3, 0.2))), 1u);
 }
 
 // The colour of a point is the same on the whole and on the part that it lies on.

@@ -82,6 +82,30 @@ TEST(NodeIrradiance, HasNoSeamBetweenGridsOfDifferentSteps) {
 }
 
 // A crease stays sharp: floor and wall meet with their own values.
+// A plate close to the floor: what is under it is dark, and beside it the light does not fade towards that. Around it, where
+// lines only go on, there is no seam.
+TEST(NodeIrradiance, IsNotSmoothedWhereAPlateEndsTheLight) {
+  const Field f({{"floor", {rectangle(0, 0, 4, 4, 0)}}, {"plate", {rectangle(1, 1, 3, 3, 0.01)}}}, 400,
+                [](const Vec3& p) { return p.x > 1 && p.x < 3 && p.y > 1 && p.y < 3 ? 0.0 : 1 + p.x; });
+  ASSERT_EQ(f.facets.facets.size(), 10u);
+  const auto at = [&](double x, double y, double towards) {  // by the part that lies on that side
+    for (uint32_t facet = 0; facet < 9; ++facet) {
+      const Facet& part = f.facets.facets[facet];
+      const Vec3 d = f.facets.frame.toUnit({x + towards, y, 0}) - f.facets.points[part.corners[0]];
+      const Vec3 a = f.facets.points[part.corners[1]] - f.facets.points[part.corners[0]],
+                 b = f.facets.points[part.vCorner()] - f.facets.points[part.corners[0]];
+      const double u = glm::dot(d, a) / glm::dot(a, a), v = glm::dot(d, b) / glm::dot(b, b);
+      if (u >= 0 && u <= 1 && v >= 0 && v <= 1) return f.valueAt(facet, {x, y, 0});
+    }
+    return -1.0;
+  };
+  const double cell = 0.2;
+  EXPECT_NEAR(at(1, 2, -0.01), 2, cell);  // the mean of the cells there, all on one side
+  EXPECT_EQ(at(1, 2, 0.01), 0);
+  EXPECT_NEAR(at(1, 0.5, -0.01), at(1, 0.5, 0.01), 1e-12);
+  EXPECT_NEAR(at(1, 0.5, 0.01), 2, 0.1 * cell);  // cells of both sides differ a little in width
+}
+
 TEST(NodeIrradiance, KeepsCreasesSharp) {
   const Field f(
       {{"floor", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}}}, {"wall", {{{0, 0, 0}, {0, 1, 0}, {0, 1, 1}, {0, 0, 1}}}}}, 200,
