@@ -16,25 +16,26 @@ using ::testing::HasSubstr;
 
 const std::string kCornell = FAROL_SCENES "/cornell_box/cornell_box.gltf";
 
+// A scene of mirrors before walls, these turned by a thousandth in their planes, so that no wall is divided along them: what
+// patches that are lit in part cost is not known beforehand.
+std::string askew(const TemporaryFolder& folder, const std::string& name, size_t axis) {
+  json j = json::parse(readText(FAROL_SCENES "/mirrors_and_glass/" + name));
+  std::array<double, 4> turn{0, 0, 0, 1};
+  turn.at(axis) = 0.0005;
+  for (json& node : j["nodes"]) {
+    const std::string surface = node["name"];
+    if (surface.find("mirror") != std::string::npos || surface == "frame") node["rotation"] = turn;
+  }
+  writeText(folder.path(name), j.dump());
+  return folder.path(name);
+}
+
 class Tolerance : public ::testing::Test {
  protected:
   std::string path(const std::string& name) const { return folder_.path(name); }
   json report() const { return json::parse(readText(path("r.json"))); }
   Outcome solve(const std::string& scene, const std::string& options) const {
     return farol("solve " + scene + " --patches-csv " + path("p.csv") + " --report " + path("r.json") + " " + options);
-  }
-  // A scene of mirrors before walls, these turned by a thousandth in their planes, so that no wall is divided along them: what
-  // patches that are lit in part cost is not known beforehand.
-  std::string askew(const std::string& name, size_t axis) const {
-    json j = json::parse(readText(FAROL_SCENES "/mirrors_and_glass/" + name));
-    std::array<double, 4> turn{0, 0, 0, 1};
-    turn.at(axis) = 0.0005;
-    for (json& node : j["nodes"]) {
-      const std::string surface = node["name"];
-      if (surface.find("mirror") != std::string::npos || surface == "frame") node["rotation"] = turn;
-    }
-    writeText(path(name), j.dump());
-    return path(name);
   }
   // The explicit command that a report tells, which writes the same bytes.
   void expectRepeats() const {
@@ -240,7 +241,7 @@ TEST_F(Tolerance, AdaptsPatchesWhereThatPays) {
 // Between facing mirrors coarse patches foretell too little: a gap behind each of them is a tenth of a patch. By what joining shows
 // 5 % are just met (0.993 of it), by final gathering 7 %. (With the samples given no measured time decides.)
 TEST_F(Tolerance, JustMetIsNotBelievedWherePatchesCostMoreThanForetold) {
-  const Outcome o = solve(askew("facing_mirrors.gltf", 0), "--tolerance 0.05 --rays 96 --shadow-rays 32");
+  const Outcome o = solve(askew(folder_, "facing_mirrors.gltf", 0), "--tolerance 0.05 --rays 96 --shadow-rays 32");
   ASSERT_EQ(o.exitCode, 0) << o.err;
   EXPECT_THAT(o.out, HasSubstr("refined:"));
   const json t = report()["tolerance"];
@@ -252,7 +253,7 @@ TEST_F(Tolerance, JustMetIsNotBelievedWherePatchesCostMoreThanForetold) {
 // What patches of one size cost is told by joining them, which is rough behind a mirror that hangs before a wall: a refinement
 // tries patches of several sizes before it takes smaller ones everywhere. (With the samples given no measured time decides.)
 TEST_F(Tolerance, RefinementAdaptsWhereThatPays) {
-  const Outcome o = solve(askew("mirror_room.gltf", 2), "--tolerance 0.01 --rays 1024 --shadow-rays 256");
+  const Outcome o = solve(askew(folder_, "mirror_room.gltf", 2), "--tolerance 0.01 --rays 1024 --shadow-rays 256");
   ASSERT_EQ(o.exitCode, 0) << o.err;
   EXPECT_THAT(o.out, HasSubstr("refined:"));
   const json r = report();
@@ -286,7 +287,7 @@ TEST_F(Tolerance, RefinementOfLightKeepsRows) {
 
 // The patches that a refinement wants do not fit: what was reached stays, whole.
 TEST_F(Tolerance, RefinementBeyondMemoryIsLeft) {
-  const Outcome o = solve(askew("facing_mirrors.gltf", 0), "--tolerance 0.02 --memory 700K");
+  const Outcome o = solve(askew(folder_, "facing_mirrors.gltf", 0), "--tolerance 0.02 --memory 700K");
   EXPECT_EQ(o.exitCode, 3) << o.err;
   EXPECT_THAT(o.out, HasSubstr("refined:"));
   EXPECT_THAT(o.err, HasSubstr("limited by memory"));
@@ -332,10 +333,12 @@ TEST(TrialLaws, CarryATrialToOtherSettings) {
 // What a trial foretells of four times as many patches those tell themselves: in a box where only patches differ from each other,
 // in a room with an edge of shadow and in one with a gap behind a mirror that is thinner than any of them.
 TEST(PatchSizeError, OfATrialIsThatOfSmallerPatches) {
-  for (const char* name : {"cornell_box/cornell_box.gltf", "l_room/l_room.gltf", "mirrors_and_glass/mirror_room.gltf"}) {
+  const TemporaryFolder folder;
+  for (const std::string& name :
+       {kCornell, std::string(FAROL_SCENES "/l_room/l_room.gltf"), askew(folder, "mirror_room.gltf", 2)}) {
     Options options;
     options.command = Command::solve;
-    options.scene = std::string(FAROL_SCENES) + "/" + name;
+    options.scene = name;
     Log log = Log::silent();
     const Scene scene = loadScene(options.scene, log);
     const FacetSet facets = buildFacets(scene, log);
